@@ -1,4 +1,4 @@
-"""Measures the package beside what users of Python have: OpenCV, manifold3d and seam-carving.
+"""Measures the package beside what users of Python have: OpenCV, manifold3d, MeshLib and seam-carving.
 
     python against_peers.py FOLDER_OF_PHOTOS FIRST_MESH SECOND_MESH
 
@@ -100,6 +100,52 @@ def boolean(first: Path, second: Path) -> None:
     print(f"boolean: {own[0] / peer[0]:.2f} times the CPU and {own[1] / peer[1]:.2f} times the time of manifold3d")
 
 
+def offset(path: Path) -> None:
+    """The outer surface at 2 % of the diagonal within a thousandth of it, against the sharpening mode of MeshLib.
+
+    The voxels of MeshLib are as large as an error of a thousandth allows on the samples: vertices and middles of triangles.
+    """
+    try:
+        import meshlib.mrmeshnumpy as arrays
+        import meshlib.mrmeshpy as meshlib
+    except ImportError:
+        return print("meshlib is not installed: offset is not compared")
+    mesh = ravec.Mesh.load(path)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    distance, tolerance = 0.02 * diagonal, 0.001 * diagonal
+    given = arrays.meshFromFacesVerts(faces.astype(np.int32), vertices)
+
+    def theirs(voxel: float, mode: Any) -> tuple[np.ndarray, np.ndarray]:
+        params = meshlib.GeneralOffsetParameters()
+        params.voxelSize, params.mode = voxel, mode
+        params.signDetectionMode = meshlib.SignDetectionMode.HoleWindingRule
+        found = meshlib.generalOffsetMesh(meshlib.MeshPart(given), distance, params)
+        return arrays.getNumpyVerts(found), arrays.getNumpyFaces(found.topology)
+
+    def error(found: tuple[np.ndarray, np.ndarray]) -> float:
+        points = np.concatenate([found[0], found[0][found[1]].mean(axis=1)])
+        tree = meshlib.MeshPart(given)
+        step = max(1, len(points) // 50_000)
+        apart = [
+            meshlib.findProjection(meshlib.Vector3f(*map(float, point)), tree).distSq ** 0.5 for point in points[::step]
+        ]
+        return float(np.abs(np.array(apart) - distance).max())
+
+    own = measured(lambda: ravec.offset((vertices, faces), distance, tolerance=tolerance, side="outer"), 3)
+    for name, mode in (("sharpening", meshlib.OffsetMode.Sharpening), ("marching cubes", meshlib.OffsetMode.Standard)):
+        for factor in (4.0, 2.83, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25):
+            reached = error(theirs(factor * tolerance, mode))
+            if reached <= tolerance:
+                break
+        peer = measured(lambda: theirs(factor * tolerance, mode), 3)
+        print(
+            f"offset, {name}, voxel {factor:g} times the tolerance, error {reached / tolerance:.2f} of it: "
+            f"{own[0] / peer[0]:.2f} times the CPU and {own[1] / peer[1]:.2f} times the time of MeshLib, "
+            f"1/{len(peer[2][1]) / len(own[2].faces):.0f} of the triangles"
+        )
+
+
 def retarget(photo: Path) -> None:
     """A further size of a photo that is analyzed already: three quarters of the width."""
     try:
@@ -119,6 +165,7 @@ def main() -> None:
     calls()
     clean(photos[:8])
     boolean(Path(sys.argv[2]), Path(sys.argv[3]))
+    offset(Path(sys.argv[2]))
     retarget(photos[0])
 
 

@@ -49,23 +49,23 @@ class Recorder:
 
 
 def recorded(recorder: Recorder) -> None:
-    """Makes crews report to the recorder."""
-    real_submit, real_next = _pieces._Crew.submit, _pieces._Crew.next
+    """Makes executors report to the recorder."""
+    real_submit, real_next = _pieces._Executor.submit, _pieces._Executor.next
 
-    def submit(crew: Any, number: int, piece: bytes) -> None:
-        real_submit(crew, number, piece)
-        recorder.submitted(list(crew._out.values())[-1].key)
+    def submit(executor: Any, number: int, piece: bytes) -> None:
+        real_submit(executor, number, piece)
+        recorder.submitted(list(executor._out.values())[-1].key)
 
-    def next_answer(crew: Any) -> tuple[int, bytes] | None:
-        answer = real_next(crew)
+    def next_answer(executor: Any) -> tuple[int, bytes] | None:
+        answer = real_next(executor)
         if answer is not None:
             recorder.answered()
         return answer
 
-    _pieces._Crew.submit, _pieces._Crew.next = submit, next_answer  # type: ignore[method-assign]
+    _pieces._Executor.submit, _pieces._Executor.next = submit, next_answer  # type: ignore[method-assign]
     recorder.restore = lambda: (  # type: ignore[attr-defined]
-        setattr(_pieces._Crew, "submit", real_submit),
-        setattr(_pieces._Crew, "next", real_next),
+        setattr(_pieces._Executor, "submit", real_submit),
+        setattr(_pieces._Executor, "next", real_next),
     )
 
 

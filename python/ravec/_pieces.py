@@ -190,7 +190,7 @@ def run_piece(operation: str, folder: str, options: Mapping[str, Any], version: 
         return _latest[1].run(piece)
 
 
-class _Crew:
+class _Executor:
     """Carries pieces to the workers of a client."""
 
     def __init__(self, client: Any, operation: str, folder: str, options: Mapping[str, Any]) -> None:
@@ -271,14 +271,14 @@ def run_in_pieces(
         elif system._parent(path):
             system.makedirs(system._parent(path), exist_ok=True)
         folder = stack.enter_context(_folder_of_parts(client, scratch, options))
-        crew = _Crew(client, step["operation"], folder, options)
+        executor = _Executor(client, step["operation"], folder, options)
         listening = stack.enter_context(listener(progress))
         fields = json.dumps({**step, "input": local, "output": made})
         try:
-            team = (_store(folder, options), crew)
-            outcome = _ravec.run_operation(fields, {}, "srgb", listening, team)
+            cluster = (_store(folder, options), executor)
+            outcome = _ravec.run_operation(fields, {}, "srgb", listening, cluster)
         finally:
-            crew.cancel()
+            executor.cancel()
         if made != path:
             place(target, made, options)
     report: dict[str, Any] = json.loads(outcome.report)

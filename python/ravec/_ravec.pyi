@@ -73,7 +73,7 @@ def run_operation(
     inputs: dict[str, Any],
     color_space: str = "srgb",
     progress: _Listener = None,
-    team: tuple[Any, Any] | None = None,
+    cluster: tuple[Any, Any] | None = None,
 ) -> Outcome: ...
 def run_recipe(
     recipe: str, file: str, inputs: dict[str, Any], color_space: str = "srgb", progress: _Listener = None

@@ -58,15 +58,15 @@ def _replaced(value: Any, paths: Mapping[str, str]) -> Any:
 
 
 def _run_piece(
-    recipe: dict[str, Any], source: str, target: str, version: str, options: Mapping[str, Any]
+    recipe: dict[str, Any], folder: str, source: str, target: str, version: str, options: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Runs a recipe on one file."""
     check_version(version)
     use_threads_of_worker()
-    with local_copy(source, options) as local, tempfile.TemporaryDirectory(prefix="ravec-") as folder:
-        made = os.path.join(folder, PurePosixPath(target).name)
+    with local_copy(source, options) as local, tempfile.TemporaryDirectory(prefix="ravec-") as scratch:
+        made = os.path.join(scratch, PurePosixPath(target).name)
         steps = _replaced(recipe, {"@input": local, "@output": made})
-        report = run(steps).report
+        report = run(steps, folder=folder).report
         place(target, made, options)
     report.update({"input": source, "output": target})
     return report
@@ -110,9 +110,10 @@ def map_recipe(
     import dask
 
     if isinstance(recipe, Mapping):
-        steps = dict(recipe)
+        steps, folder = dict(recipe), ""
     else:
-        steps = json.loads(Path(os.fspath(recipe)).read_text(encoding="utf-8"))
+        file = Path(os.fspath(recipe)).absolute()
+        steps, folder = json.loads(file.read_text(encoding="utf-8")), str(file.parent)
     text = json.dumps(steps)
     for name in ("@input", "@output"):
         if json.dumps(name) not in text:
@@ -121,7 +122,7 @@ def map_recipe(
     piece = dask.delayed(_run_piece, pure=True)
     options = dict(storage_options or {})
     return [
-        piece(steps, source, target, _ravec.__version__, options)
+        piece(steps, folder, source, target, _ravec.__version__, options)
         for source, target in zip(sources, targets(sources, output))
     ]
 

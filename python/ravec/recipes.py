@@ -38,6 +38,7 @@ def run(
     recipe: Mapping[str, Any] | PathLike,
     inputs: Mapping[str, Any] | None = None,
     *,
+    folder: PathLike | None = None,
     color_space: ColorSpace = "srgb",
     progress: Progress = None,
 ) -> Result:
@@ -47,12 +48,13 @@ def run(
     they are those of ``inputs``, as outputs they are found in the result.
 
     :param inputs: pictures, meshes and texts by names such as ``@photo``
+    :param folder: where a dict that is ``relative_to`` the recipe finds its files; by default the working folder
     """
     if isinstance(recipe, Mapping):
         steps = dict(recipe)
         if "steps" not in steps:
             steps = {"version": 1, "steps": [steps]}
-        text, file = json.dumps(steps), Path("recipe.json")
+        text, file = json.dumps(steps), Path(os.fspath(folder or "."), "recipe.json")
     else:
         file = Path(os.fspath(recipe))
         text = file.read_text(encoding="utf-8")

@@ -165,6 +165,18 @@ def test_everything_public_is_documented() -> None:
                 assert not own or inspect.getdoc(value), f"{name}.{member}"
 
 
+def test_the_command_line_runs_again_in_a_process(tmp_path: Path) -> None:
+    program = (
+        "import sys, ravec; "
+        "codes = [ravec._ravec.main(['ravec', '-q', 'scenes', '-o', folder, '--scene', 'disc']) for folder in sys.argv[1:]]; "
+        "sys.exit(max(codes))"
+    )
+    folders = [str(tmp_path / name) for name in ("one", "two")]
+    done = subprocess.run([sys.executable, "-c", program, *folders], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert len(list(tmp_path.iterdir())) == 2
+
+
 def test_types_are_checked() -> None:
     mypy = pytest.importorskip("mypy.api")
     root = Path(__file__).parent.parent

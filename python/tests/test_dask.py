@@ -98,6 +98,23 @@ def test_many_files_by_path_and_url(client: Any, tmp_path: Path) -> None:
     assert memory.cat("/made/a.png").startswith(b"\x89PNG")
 
 
+def test_recipes_find_their_own_files(client: Any, tmp_path: Path) -> None:
+    sources = photos(tmp_path, 2)
+    folder = tmp_path / "recipe"
+    folder.mkdir()
+    mask = np.zeros((64, 96), dtype=np.uint8)
+    mask[20:30, 30:50] = 255
+    Image.fromarray(mask).save(folder / "mask.png")
+    step = {"operation": "complete", "input": "@input", "output": "@output", "mask": "mask.png"}
+    recipe = folder / "complete.json"
+    recipe.write_text(json.dumps({"version": 1, "relative_to": "recipe", "steps": [step]}))
+    dask.compute(*cluster_of_ravec.map_recipe(recipe, sources, str(tmp_path / "out" / "{stem}.png")))
+    for source in sources:
+        made = np.asarray(Image.open(tmp_path / "out" / Path(source).name))
+        before = np.asarray(Image.open(source))
+        assert np.array_equal(made[mask == 0], before[mask == 0]) and not np.array_equal(made, before)
+
+
 def test_what_makes_no_sense_is_refused(client: Any, tmp_path: Path) -> None:
     sources = photos(tmp_path, 2)
     with pytest.raises(ValueError, match="several inputs"):
@@ -114,7 +131,7 @@ def test_a_worker_of_another_version_is_refused(client: Any, tmp_path: Path) -> 
     piece = dask.delayed(cluster_of_ravec._run_piece)
     source = photos(tmp_path, 1)[0]
     with pytest.raises(ravec.Error, match="install the same version"):
-        piece(CLEAN, source, str(tmp_path / "out.png"), "0.0.0", {}).compute()
+        piece(CLEAN, "", source, str(tmp_path / "out.png"), "0.0.0", {}).compute()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are killed")

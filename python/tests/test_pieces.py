@@ -106,7 +106,7 @@ def test_a_worker_is_killed_and_parts_are_lost(
 ) -> None:
     source, expected = alone
     folders: list[str] = []
-    kept = _pieces._Crew.submit
+    kept = _pieces._Executor.submit
     lost: list[str] = []
     killed: list[int] = []
     numbers: set[int] = set()
@@ -114,8 +114,8 @@ def test_a_worker_is_killed_and_parts_are_lost(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster, distributed.Client(cluster) as client:
 
-        def submit(crew: Any, number: int, piece: bytes) -> None:
-            folder = crew._work[1]
+        def submit(executor: Any, number: int, piece: bytes) -> None:
+            folder = executor._work[1]
             folders.append(folder)
             # once each: a part that is always lost is an error
             if number % 7 == 0 and number not in numbers:
@@ -124,13 +124,13 @@ def test_a_worker_is_killed_and_parts_are_lost(
                 if parts:
                     lost.append(parts[len(parts) // 2].name)
                     parts[len(parts) // 2].unlink()
-            kept(crew, number, piece)
+            kept(executor, number, piece)
             if number == 12:
                 (victim, *_) = client.run(os.getpid).values()
                 os.kill(victim, signal.SIGKILL)
                 killed.append(victim)
 
-        monkeypatch.setattr(_pieces._Crew, "submit", submit)
+        monkeypatch.setattr(_pieces._Executor, "submit", submit)
         cluster_of_ravec.offset(source, tmp_path / "ring.ply", 0.08, client=client, **OFFSET)
     assert (tmp_path / "ring.ply").read_bytes() == expected
     assert lost and killed
@@ -156,13 +156,13 @@ def test_a_full_disk_and_another_version_are_reasons(
             cluster_of_ravec.offset(source, target, 0.08, client=client, **OFFSET)
     assert not target.exists()
     with monkeypatch.context() as patched:
-        real = _pieces._Crew.__init__
+        real = _pieces._Executor.__init__
 
-        def other(crew: Any, *arguments: Any) -> None:
-            real(crew, *arguments)
-            crew._work = (*crew._work[:3], "0.0.0")
+        def other(executor: Any, *arguments: Any) -> None:
+            real(executor, *arguments)
+            executor._work = (*executor._work[:3], "0.0.0")
 
-        patched.setattr(_pieces._Crew, "__init__", other)
+        patched.setattr(_pieces._Executor, "__init__", other)
         with pytest.raises(ravec.Error, match="install the same version"):
             cluster_of_ravec.offset(source, target, 0.08, client=client, **OFFSET)
     assert not target.exists()
@@ -235,18 +235,18 @@ def test_mosaics_are_those_of_one_machine(client: Any, tmp_path: Path, monkeypat
     assert np.array_equal(np.asarray(Image.open(tmp_path / "mosaic.png")), expected)
     assert report["figures"]["used"] > 64, "several pieces"
 
-    # a part that is lost is made again, and a worker that is killed replaced
+    # a lost part is recomputed
     killed: list[int] = []
-    real = _pieces._Crew.next
+    real = _pieces._Executor.next
 
-    def next_answer(crew: Any) -> Any:
-        for part in Path(crew._work[1]).glob("part-2"):
+    def next_answer(executor: Any) -> Any:
+        for part in Path(executor._work[1]).glob("part-2"):
             if len(killed) < 3:
                 part.unlink()
                 killed.append(0)
-        return real(crew)
+        return real(executor)
 
-    monkeypatch.setattr(_pieces._Crew, "next", next_answer)
+    monkeypatch.setattr(_pieces._Executor, "next", next_answer)
     cluster_of_ravec.mosaic(source, tmp_path / "again.png", catalogue, client=client, **options)
     assert killed
     assert (tmp_path / "again.png").read_bytes() == (tmp_path / "mosaic.png").read_bytes()

@@ -10,7 +10,7 @@ use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
 use crate::photo_set::PhotoSet;
-use crate::pieces::TeamWork;
+use crate::pieces::ClusterTasks;
 use crate::plan::{Plan, reserve, reserve_choice};
 use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
@@ -18,7 +18,7 @@ use ravec_memory::{MemoryBudget, Reservation};
 use ravec_mosaic::{
     Choice, ChooseError, ChooseParams, Crop, Frame, Photos, Rules, Tiling, choose_found,
 };
-use ravec_pieces::Team;
+use ravec_pieces::Cluster;
 use ravec_progress::Progress;
 use ravec_raster::{AnyImage, Image, Oklab, Rect, Size, Srgb};
 use std::collections::{HashMap, HashSet};
@@ -111,7 +111,7 @@ pub fn mosaic(
     to_files(catalogue, picture, outputs, params, limits, None, progress)
 }
 
-/// Makes a mosaic as [`mosaic()`] does, with the search for candidates and the photos by a team, whose workers run pieces by
+/// Makes a mosaic as [`mosaic()`] does, with the search for candidates and the photos by a cluster, whose workers run pieces by
 /// [`MosaicWorker`](crate::MosaicWorker). The store must have no parts; the caller removes them.
 ///
 /// # Errors
@@ -122,11 +122,13 @@ pub fn mosaic_in_pieces(
     outputs: &Outputs<'_>,
     params: &MosaicParams,
     limits: &Limits,
-    team: &Team,
+    cluster: &Cluster,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
-    let team = Some(team);
-    to_files(catalogue, picture, outputs, params, limits, team, progress)
+    let cluster = Some(cluster);
+    to_files(
+        catalogue, picture, outputs, params, limits, cluster, progress,
+    )
 }
 
 fn to_files(
@@ -135,14 +137,14 @@ fn to_files(
     outputs: &Outputs<'_>,
     params: &MosaicParams,
     limits: &Limits,
-    team: Option<&Team>,
+    cluster: Option<&Cluster>,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let layout = Layout::new(picture.size(), params)?;
     check_outputs(catalogue, &layout, outputs, limits, progress)?;
     let mut sink = Sink::to_files(*outputs);
     make(
-        catalogue, picture, &layout, &mut sink, params, limits, team, progress,
+        catalogue, picture, &layout, &mut sink, params, limits, cluster, progress,
     )
 }
 
@@ -235,7 +237,7 @@ impl Scene {
     }
 }
 
-/// Makes a mosaic of `picture` from the photos of a catalogue, alone or with a team.
+/// Makes a mosaic of `picture` from the photos of a catalogue, alone or with a cluster.
 #[expect(clippy::too_many_arguments, reason = "all that a mosaic is made from")]
 fn make(
     catalogue: &Catalogue,
@@ -244,7 +246,7 @@ fn make(
     sink: &mut Sink<'_>,
     params: &MosaicParams,
     limits: &Limits,
-    team: Option<&Team>,
+    cluster: Option<&Cluster>,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let mut warnings = layout.warning(picture.size());
@@ -265,7 +267,7 @@ fn make(
         }
     }
     let mut made = compose(
-        &mut set, layout, &scene, sink, params, &plan, &workers, team, progress,
+        &mut set, layout, &scene, sink, params, &plan, &workers, cluster, progress,
     )?;
     made.warnings.splice(0..0, warnings);
     Ok(made)
@@ -281,11 +283,11 @@ pub(crate) fn compose(
     params: &MosaicParams,
     plan: &Plan,
     workers: &Workers,
-    team: Option<&Team>,
+    cluster: Option<&Cluster>,
     progress: &Progress,
 ) -> Result<Mosaic, CatalogueError> {
     let mut warnings = Vec::new();
-    let mut team_work = team.map(|team| TeamWork::new(team, params.crop, &plan.photos));
+    let mut tasks = cluster.map(|cluster| ClusterTasks::new(cluster, params.crop, &plan.photos));
     let mut cut = None;
     loop {
         let hand = resolve(set, layout, params)?;
@@ -306,7 +308,7 @@ pub(crate) fn compose(
         };
         let (rules, choose) = (&params.rules, &params.choose);
         let by_hand = &hand.by_hand;
-        let found = match &mut team_work {
+        let found = match &mut tasks {
             Some(work) if params.preview_px.is_none() => {
                 let searches = library.searches(tiling, by_hand, choose)?;
                 let found = work.search(&library, &searches, progress);
@@ -322,7 +324,7 @@ pub(crate) fn compose(
             .zip(&choice.photos)
             .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
             .collect();
-        let source = match &mut team_work {
+        let source = match &mut tasks {
             _ if params.preview_px.is_some() => Source::Thumbnails,
             Some(work) => {
                 work.scale(&set.photos, &places, progress)

@@ -6,7 +6,7 @@
 
 use crate::add::HEADER_BYTES;
 use crate::catalogue::Entry;
-use crate::pieces::TeamWork;
+use crate::pieces::ClusterTasks;
 use crate::thumbnail::opaque;
 use crate::workers::Workers;
 use ravec_media::{DecodeError, Limits, Probe, WriteError, memory_to_decode, probe_data, read};
@@ -50,8 +50,8 @@ pub(crate) struct Candidate {
 pub(crate) enum Source<'a> {
     /// The photos, scaled once.
     Photos(Crop, &'a Limits),
-    /// The photos, scaled by a team.
-    Scaled(&'a TeamWork<'a>),
+    /// The photos, scaled by a cluster.
+    Scaled(&'a ClusterTasks<'a>),
     /// The small pictures of the catalogue.
     Thumbnails,
 }

@@ -1,14 +1,14 @@
-//! The parts of a mosaic that other processes do: the search for candidates, and the photos.
+//! Steps of a mosaic that run in other processes: the search for candidates, and decoding and scaling of photos.
 //!
 //! Most of the time of a mosaic goes into decoding the photos that were chosen, and most of the rest into the search for the photos
-//! nearest to each tile. With a team, its workers search for some tiles at a time in an index that each of them makes once, and
+//! nearest to each tile. With a cluster, its workers search for some tiles at a time in an index that each of them makes once, and
 //! decode and scale some photos at a time into parts; the mosaic is then painted from the parts, strip by strip. Photos are read by
 //! their paths, which all machines must see.
 //!
 //! The search divides the tiles and not the photos: a search among half of the photos takes far more than half of the time.
 //!
-//! Guarantees: the same mosaic as without a team, as far as each worker has the memory for each photo: one that takes more than a
-//! worker has is replaced by another, as one that takes more than the budget is without a team. A part that is lost is made again.
+//! Guarantees: the same mosaic as without a cluster, as far as each worker has the memory for each photo: one that takes more than a
+//! worker has is replaced by another, as one that takes more than the budget is without a cluster. Lost parts are recomputed.
 
 use crate::error::CatalogueError;
 use crate::painter::{Candidate, Unpainted, scaled_from_file};
@@ -16,7 +16,7 @@ use crate::workers::Workers;
 use ravec_media::Limits;
 use ravec_memory::MemoryBudget;
 use ravec_mosaic::{Crop, Near, PhotoIndex, Photos, TileSearch};
-use ravec_pieces::{PartStore, Team, from_bytes, to_bytes};
+use ravec_pieces::{Cluster, PartStore, from_bytes, to_bytes};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Rect, Size, Srgb};
 use rayon::prelude::*;
@@ -87,9 +87,9 @@ fn bytes_of([width, height]: [u32; 2]) -> u64 {
     3 * u64::from(width) * u64::from(height)
 }
 
-/// The work of a team for one mosaic, and the photos that it has scaled, from one choice of photos to the next.
-pub(crate) struct TeamWork<'t> {
-    team: &'t Team,
+/// The work of a cluster for one mosaic, and the photos that it has scaled, from one choice of photos to the next.
+pub(crate) struct ClusterTasks<'t> {
+    cluster: &'t Cluster,
     crop: Crop,
     max_pixels: u64,
     places: HashMap<Wanted, Result<Place, String>>,
@@ -97,14 +97,14 @@ pub(crate) struct TeamWork<'t> {
     pieces: Vec<Piece>,
     /// Number of indices so far.
     indices: u64,
-    /// Parts are made again one at a time.
+    /// Parts are recomputed one at a time.
     restoring: Mutex<()>,
 }
 
-impl<'t> TeamWork<'t> {
-    pub fn new(team: &'t Team, crop: Crop, limits: &Limits) -> Self {
+impl<'t> ClusterTasks<'t> {
+    pub fn new(cluster: &'t Cluster, crop: Crop, limits: &Limits) -> Self {
         Self {
-            team,
+            cluster,
             crop,
             max_pixels: limits.max_pixels,
             places: HashMap::new(),
@@ -114,7 +114,7 @@ impl<'t> TeamWork<'t> {
         }
     }
 
-    /// Has the candidates of tiles searched; returns the nearest photos of each.
+    /// Searches for the candidates of tiles; returns the nearest photos of each.
     pub fn search(
         &mut self,
         photos: &Photos,
@@ -127,7 +127,7 @@ impl<'t> TeamWork<'t> {
             let vectors = index.vectors();
             let bytes = [&dimensions[..], bytemuck::cast_slice(&vectors)].concat();
             let name = index_name(self.indices);
-            self.team.store().write(&name, &bytes).map_err(failed)?;
+            self.cluster.store().write(&name, &bytes).map_err(failed)?;
             self.indices += 1;
         }
         // tiles that are searched in one index together
@@ -154,12 +154,15 @@ impl<'t> TeamWork<'t> {
                     .map(|(photo, distance_sq)| Near { photo, distance_sq })
                     .collect();
             }
-            self.team.store().remove(&part_name(part)).map_err(failed)?;
+            self.cluster
+                .store()
+                .remove(&part_name(part))
+                .map_err(failed)?;
         }
         Ok(found)
     }
 
-    /// Has all photos of a mosaic scaled that are not there yet.
+    /// Scales all photos of a mosaic that are not scaled yet.
     pub fn scale(
         &mut self,
         photos: &[Candidate],
@@ -199,7 +202,7 @@ impl<'t> TeamWork<'t> {
         Ok(())
     }
 
-    /// Has pieces run; returns their parts and answers in order.
+    /// Runs pieces; returns their parts and answers in order.
     fn run(
         &mut self,
         name: &'static str,
@@ -220,21 +223,21 @@ impl<'t> TeamWork<'t> {
         Ok(taken.collect())
     }
 
-    /// Has pieces run; returns their answers by part.
+    /// Runs pieces; returns their answers by part.
     fn answers(
         &self,
         pieces: &[Piece],
         progress: &Progress,
         done: impl Fn(),
     ) -> Result<HashMap<u64, Answer>, Unpainted> {
-        let mut crew = self.team.crew();
+        let mut executor = self.cluster.executor();
         for piece in pieces {
             let bytes = to_bytes(piece).map_err(failed)?;
-            crew.submit(piece.part, bytes).map_err(failed)?;
+            executor.submit(piece.part, bytes).map_err(failed)?;
         }
         let mut answers: HashMap<u64, Answer> = HashMap::new();
         while answers.len() < pieces.len() {
-            let (part, answer) = crew.next(progress).map_err(failed)?;
+            let (part, answer) = executor.next(progress).map_err(failed)?;
             answers.insert(part, from_bytes(&answer).map_err(failed)?);
             done();
         }
@@ -261,14 +264,14 @@ impl<'t> TeamWork<'t> {
         Ok(Ok(image.expect("the range has the bytes of the photo")))
     }
 
-    /// Reads a range of a part, or all of it, which is made again if it is lost.
+    /// Reads a range of a part, or all of it; recomputes the part if it is lost.
     fn read(
         &self,
         part: u64,
         range: Option<&Range<u64>>,
         progress: &Progress,
     ) -> Result<Vec<u8>, Unpainted> {
-        let (store, name) = (self.team.store(), part_name(part));
+        let (store, name) = (self.cluster.store(), part_name(part));
         let read = || match range {
             Some(range) => store.read(&name, range.clone()),
             None => store.read_all(&name),

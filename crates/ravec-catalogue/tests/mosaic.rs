@@ -7,7 +7,7 @@ use ravec_catalogue::{
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_memory::MemoryBudget;
 use ravec_mosaic::{ChooseParams, Crop, Rules, scaled_photo, violations};
-use ravec_pieces::{Crew, FolderStore, PartStore, Team};
+use ravec_pieces::{Cluster, Executor, FolderStore, PartStore};
 use ravec_progress::Progress;
 use ravec_raster::{AnyImage, Image, Size, Srgb};
 use std::path::{Path, PathBuf};
@@ -431,14 +431,14 @@ fn two_writers_wait_for_one_another() {
     );
 }
 
-/// A crew in this process; every other part is lost as soon as it is written.
-struct Forgetful {
+/// An executor in this process; every other part is lost as soon as it is written.
+struct LossyExecutor {
     store: Arc<dyn PartStore>,
     pieces: Vec<(u64, Vec<u8>)>,
     lost: Arc<AtomicUsize>,
 }
 
-impl Crew for Forgetful {
+impl Executor for LossyExecutor {
     fn submit(&mut self, number: u64, piece: Vec<u8>) -> std::io::Result<()> {
         self.pieces.push((number, piece));
         Ok(())
@@ -456,7 +456,7 @@ impl Crew for Forgetful {
 }
 
 #[test]
-fn photos_that_others_scale_make_the_same_mosaic_even_if_parts_are_lost() {
+fn mosaics_in_pieces_are_the_same_with_lost_parts() {
     let (folder, catalogue) = studio(90);
     let photos = folder.path().join("photos");
     std::fs::remove_file(photos.join("004.png")).unwrap();
@@ -466,12 +466,12 @@ fn photos_that_others_scale_make_the_same_mosaic_even_if_parts_are_lost() {
     let parts = tempfile::tempdir().unwrap();
     let store: Arc<dyn PartStore> = Arc::new(FolderStore::new(parts.path()));
     let lost = Arc::new(AtomicUsize::new(0));
-    let crew = Forgetful {
+    let executor = LossyExecutor {
         store: Arc::clone(&store),
         pieces: vec![],
         lost: Arc::clone(&lost),
     };
-    let team = Team::new(store, Box::new(crew));
+    let cluster = Cluster::new(store, Box::new(executor));
     let [alone, together] = ["alone.png", "together.png"].map(|name| folder.path().join(name));
     let to = |path| Outputs {
         picture: Some(path),
@@ -481,13 +481,13 @@ fn photos_that_others_scale_make_the_same_mosaic_even_if_parts_are_lost() {
     let expected = mosaic(&catalogue, &picture, &to(&alone), &asked, &limits, &none).unwrap();
     let outputs = to(&together);
     let made = mosaic_in_pieces(
-        &catalogue, &picture, &outputs, &asked, &limits, &team, &none,
+        &catalogue, &picture, &outputs, &asked, &limits, &cluster, &none,
     );
     assert_eq!(made.unwrap(), expected);
     assert!(!expected.warnings.is_empty());
     assert!(std::fs::read(&together).unwrap() == std::fs::read(&alone).unwrap());
     assert!(lost.load(Ordering::Relaxed) > 2);
-    let worker = MosaicWorker::new(Arc::clone(team.store()), MemoryBudget::default());
+    let worker = MosaicWorker::new(Arc::clone(cluster.store()), MemoryBudget::default());
     for bytes in [&[][..], &[255; 30]] {
         let error = worker.run(bytes, &none).unwrap_err();
         assert!(matches!(error, CatalogueError::Piece { .. }), "{error}");

@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use ravec::progress::Progress;
 use ravec_jobs::{JobError, abandon_outputs};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, OnceLock, PoisonError, mpsc};
 use std::time::Duration;
 
 /// Time for the work to stop by itself, so that the program ends within a tenth of a second.
@@ -21,15 +21,31 @@ const LAST_WORDS: Duration = Duration::from_millis(20);
 /// Set by whoever reports the interruption first.
 static REPORTED: AtomicBool = AtomicBool::new(false);
 
-/// Cancels `progress` at the first Ctrl-C (or request of the system to end), and ends the program if that has not ended it
-/// after a moment.
+/// The work that Ctrl-C cancels.
+static CURRENT: Mutex<Option<Progress>> = Mutex::new(None);
+
+/// Result of the installation of the handler, which a process has only once.
+static HANDLER: OnceLock<Result<(), String>> = OnceLock::new();
+
+/// Cancels `progress`, in place of that of an earlier run, at the first Ctrl-C (or request of the system to end), and ends the
+/// program if that has not ended it after a moment.
 ///
 /// # Errors
 /// If the system refuses the handler.
 pub fn cancel_on_ctrl_c(progress: &Progress) -> anyhow::Result<()> {
-    let progress = progress.clone();
-    ctrlc::set_handler(move || {
-        progress.cancel();
+    *CURRENT.lock().unwrap_or_else(PoisonError::into_inner) = Some(progress.clone());
+    let installed = HANDLER.get_or_init(|| install().map_err(|error| error.to_string()));
+    let installed = installed.clone().map_err(anyhow::Error::msg);
+    installed.context("Ctrl-C cannot be caught")
+}
+
+fn install() -> Result<(), ctrlc::Error> {
+    ctrlc::set_handler(|| {
+        let current = CURRENT.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(progress) = &*current {
+            progress.cancel();
+        }
+        drop(current);
         std::thread::sleep(GRACE);
         abandon_outputs();
         let (done, reported) = mpsc::channel();
@@ -43,7 +59,6 @@ pub fn cancel_on_ctrl_c(progress: &Progress) -> anyhow::Result<()> {
         let _ = reported.recv_timeout(LAST_WORDS);
         end();
     })
-    .context("Ctrl-C cannot be caught")
 }
 
 /// True for the first caller, who is to report the interruption.

@@ -3,7 +3,7 @@
 use crate::error::JobError;
 use crate::files;
 use ravec::mesh_io::{MeshFile, MeshLimits};
-use ravec::pieces::Team;
+use ravec::pieces::Cluster;
 use ravec::progress::Progress;
 use ravec_media::{Limits, Picture};
 use ravec_video::{CopiedTracks, ScratchClip, VideoLimits};
@@ -28,7 +28,7 @@ pub struct Context {
     /// a photo.
     pub side_outputs: Vec<PathBuf>,
     /// Other processes that run pieces of operations that can be divided: `offset` and `mosaic`.
-    pub team: Option<Arc<Team>>,
+    pub cluster: Option<Arc<Cluster>>,
     /// Intermediate results by name, in a recipe.
     intermediates: Option<Arc<Intermediates>>,
 }
@@ -51,7 +51,7 @@ impl Context {
             max_vertices: meshes.max_vertices,
             max_frames: VideoLimits::default().max_frames,
             side_outputs: Vec::new(),
-            team: None,
+            cluster: None,
             intermediates: None,
         }
     }

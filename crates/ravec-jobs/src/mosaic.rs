@@ -346,9 +346,9 @@ impl Operation for Mosaic {
                 let made = mosaic_in_memory(&catalogue, image, page, &settings, limits, progress)?;
                 Ok((made.0, Some(made.1)))
             } else {
-                let made = match context.team.as_deref() {
-                    Some(team) => mosaic_in_pieces(
-                        &catalogue, image, outputs, &settings, limits, team, progress,
+                let made = match context.cluster.as_deref() {
+                    Some(cluster) => mosaic_in_pieces(
+                        &catalogue, image, outputs, &settings, limits, cluster, progress,
                     ),
                     None => ravec_catalogue::mosaic(
                         &catalogue, image, outputs, &settings, limits, progress,

@@ -34,7 +34,7 @@
 //! | `prove` | facets keep the distance, triangles do not intersect; defects request edits |
 //! | `store` | the surface as blocks, in memory or in a storage |
 //! | `report` | results |
-//! | `remote` | the two steps below in other processes: what they are sent, and what they answer |
+//! | `remote` | interface between the two steps below and other processes |
 //! | `repair` | rounds of the steps above, until no defect remains |
 //! | `finish` | simplification, measurement, checks |
 //! | `task` | a checked offset with its inputs |

@@ -9,7 +9,7 @@ use crate::store::{NewStorage, OffsetSurface, in_memory};
 use crate::task::Task;
 use crate::thicken::thicken;
 use ravec_mesh::TriMesh;
-use ravec_pieces::Team;
+use ravec_pieces::Cluster;
 use ravec_progress::Progress;
 use std::sync::Arc;
 
@@ -45,12 +45,12 @@ pub fn offset_stored(
     offset_with(mesh, params, storage, None, progress)
 }
 
-/// Computes [`offset_stored`] alone or with a team.
+/// Computes [`offset_stored`] alone or with a cluster.
 pub(crate) fn offset_with(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
-    team: Option<&Arc<Team>>,
+    cluster: Option<&Arc<Cluster>>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
     if mesh.triangles().is_empty() {
@@ -59,7 +59,7 @@ pub(crate) fn offset_with(
     // a mesh that becomes part of the result must be representable in the file
     let is_part = params.open == OpenRule::Thicken || params.side == Side::Shell;
     if !is_part || params.coordinates == Coordinates::Double {
-        return offset_exact(mesh, params, storage, team, progress);
+        return offset_exact(mesh, params, storage, cluster, progress);
     }
     let got = params.tolerance;
     let Some((rounded, moved)) = rounded(mesh, params.coordinates) else {
@@ -70,7 +70,7 @@ pub(crate) fn offset_with(
         tolerance: got - moved.min(0.5 * got),
         ..params.clone()
     };
-    let made = offset_exact(&rounded, &left, storage, team, progress);
+    let made = offset_exact(&rounded, &left, storage, cluster, progress);
     let mut offset = made.map_err(|error| match error {
         OffsetError::SinglePrecision { least, .. } => OffsetError::SinglePrecision {
             got,
@@ -89,7 +89,7 @@ fn offset_exact(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
-    team: Option<&Arc<Team>>,
+    cluster: Option<&Arc<Cluster>>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
     if params.open == OpenRule::Thicken {
@@ -102,7 +102,7 @@ fn offset_exact(
     let field = task.field(progress)?;
     let mut finish = task.finish(mesh, params, &field, storage)?;
     let coordinator =
-        (team.map(|team| Coordinator::start(team, mesh, params, progress))).transpose()?;
+        (cluster.map(|cluster| Coordinator::start(cluster, mesh, params, progress))).transpose()?;
     finish.budget.remote = (coordinator.as_ref()).map(|coordinator| coordinator as &dyn Remote);
     let repaired = task.repaired(params, &finish, progress)?;
     finish.run(mesh, repaired, progress)

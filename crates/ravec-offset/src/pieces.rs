@@ -1,7 +1,7 @@
-//! Offsets in pieces: other processes run the steps, and this one plans them and merges their answers.
+//! Offsets whose steps run in other processes: this one plans pieces and merges the answers.
 //!
-//! The coordinator writes the mesh, the edits of each round and the list of blocks as parts; the other parts are those of
-//! workers: a tile with its tree, the blocks of a tile, or a simplified chunk. A piece names the parts that it needs.
+//! The coordinator writes the mesh, the edits of each round and the list of blocks as parts. Workers write the other parts: a tile
+//! with its tree, the blocks of a tile, or a simplified chunk. A piece names the parts that it needs.
 //!
 //! | step | a piece | its answer | merged |
 //! | --- | --- | --- | --- |
@@ -12,7 +12,7 @@
 //! | facts | a chunk | extremes of the distance, checks | the report |
 //!
 //! Guarantees: the same surface and report as [`offset_stored`](crate::offset_stored), byte by byte, for the same parameters,
-//! whatever the number of workers and the order in which they answer. A part that is lost is made again.
+//! whatever the number of workers and the order in which they answer. Lost parts are recomputed.
 
 mod coordinator;
 mod piece;

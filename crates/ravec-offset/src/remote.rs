@@ -1,8 +1,8 @@
-//! Steps 6 and 7 in other processes: what they are sent, and what they answer.
+//! Interface between the steps 6 and 7 and other processes.
 //!
-//! Repair and finish divide their work into tiles and chunks. Here they run one after the other; with a [`Remote`], other
-//! processes run the same functions on them, and what they keep lies in parts that all of them share. Both ways lead to the same
-//! bytes.
+//! Repair and finish divide their work into tiles and chunks, which this process handles one after the other. With a [`Remote`],
+//! other processes run the same functions on them, and keep trees and surfaces in parts that all of them share. Both ways give
+//! the same bytes.
 
 use crate::params::OffsetError;
 use crate::prove::EditRequests;
@@ -14,10 +14,10 @@ use ravec_octree::CellKey;
 use ravec_progress::Progress;
 use serde::{Deserialize, Serialize};
 
-/// A tile of a round.
+/// Task for a tile in a round of repair.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) enum TileTask {
-    /// Grow it from nothing.
+    /// Grow the tree.
     Grow(CellKey),
     /// Apply the latest edits.
     Repair(Box<StoredTile>),
@@ -32,21 +32,21 @@ impl TileTask {
     }
 }
 
-/// What became of a tile.
+/// Result of the task for a tile.
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) enum TileOutcome {
     Done(Box<StoredTile>, EditRequests),
-    /// It is to be divided into eight.
+    /// The tree exceeds the budget: the tile must be divided into eight.
     TooLarge,
 }
 
-/// The chunk to simplify.
+/// Task to simplify a chunk.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct ChunkTask {
     pub chunk: usize,
-    /// Boxes in which nothing may change: triangles met there.
+    /// Boxes in which vertices are fixed: triangles intersected there.
     pub places: Vec<Aabb>,
-    /// The whole chunk stays as it is.
+    /// The chunk is not simplified.
     pub is_kept: bool,
     /// The error samples of its blocks, in the store of the surface, for the pass that simplifies seams.
     pub samples: Option<Vec<Record>>,
@@ -60,13 +60,12 @@ pub(crate) struct SimplifiedChunk {
     pub samples: Record,
 }
 
-/// Other processes that run steps of the work. All answers are in the order of what was asked.
+/// Runs steps in other processes. Results are in the order of the tasks.
 pub(crate) trait Remote: Sync {
     /// Returns the parts, for reading.
     fn parts(&self) -> Scratch;
 
-    /// Advances tiles by a round, in which the edits of the rounds before are applied; the tiles that result, divided where they
-    /// were too large, have no order.
+    /// Advances tiles by a round with new edits; tiles that are too large are divided. The resulting tiles have no order.
     fn advance(
         &self,
         tasks: Vec<TileTask>,

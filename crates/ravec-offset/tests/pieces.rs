@@ -1,4 +1,4 @@
-//! Offsets whose steps others run: the same surfaces and reports, whatever the order, and whatever is lost on the way.
+//! Offsets whose steps run in pieces: the same surfaces and reports in any order of the pieces, and with lost parts.
 
 mod support;
 
@@ -7,7 +7,7 @@ use ravec_offset::{
     OffsetError, OffsetParams, OffsetWorker, Side, Storage, StoredOffset, offset_in_pieces,
     offset_stored,
 };
-use ravec_pieces::{Crew, FolderStore, PartStore, Team};
+use ravec_pieces::{Cluster, Executor, FolderStore, PartStore};
 use ravec_progress::Progress;
 use ravec_scenes::solids::{comb, torus};
 use std::collections::VecDeque;
@@ -25,43 +25,43 @@ fn storage() -> io::Result<Box<dyn Storage>> {
     Ok(Box::new(Cursor::new(Vec::new())))
 }
 
-/// What happens to the pieces.
+/// Faults of the executor.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Luck {
-    /// They run in order.
-    Good,
-    /// They run in any order, some of them twice, by workers that have just started.
-    Mixed,
-    /// Parts are lost, too.
-    Bad,
+enum Faults {
+    /// Pieces run in order.
+    None,
+    /// Pieces run in another order, some of them twice, by workers that have just started.
+    Reordered,
+    /// Parts are lost as well.
+    LostParts,
 }
 
-/// A crew in this process.
-struct Bench {
+/// An executor in this process.
+struct LocalExecutor {
     store: Arc<dyn PartStore>,
     worker: Option<OffsetWorker>,
     pieces: VecDeque<(u64, Vec<u8>)>,
-    luck: Luck,
+    faults: Faults,
     ran: Arc<AtomicU64>,
     lost: Arc<AtomicU64>,
 }
 
-impl Bench {
-    fn new(folder: &Path, luck: Luck) -> Self {
+impl LocalExecutor {
+    fn new(folder: &Path, faults: Faults) -> Self {
         Self {
             store: Arc::new(FolderStore::new(folder)),
             worker: None,
             pieces: VecDeque::new(),
-            luck,
+            faults,
             ran: Arc::default(),
             lost: Arc::default(),
         }
     }
 }
 
-impl Crew for Bench {
+impl Executor for LocalExecutor {
     fn submit(&mut self, number: u64, piece: Vec<u8>) -> io::Result<()> {
-        if self.luck != Luck::Good {
+        if self.faults != Faults::None {
             if number.is_multiple_of(3) {
                 self.pieces.push_front((number, piece.clone()));
             }
@@ -77,10 +77,10 @@ impl Crew for Bench {
     fn next(&mut self, progress: &Progress) -> io::Result<(u64, Vec<u8>)> {
         let (number, piece) = self.pieces.pop_front().expect("a piece is out");
         let ran = 1 + self.ran.fetch_add(1, Ordering::Relaxed);
-        if self.luck != Luck::Good && ran.is_multiple_of(5) {
+        if self.faults != Faults::None && ran.is_multiple_of(5) {
             self.worker = None;
         }
-        if self.luck == Luck::Bad && ran.is_multiple_of(4) {
+        if self.faults == Faults::LostParts && ran.is_multiple_of(4) {
             let part = format!("part-{}", number.saturating_sub(1 + ran / 4 % 7));
             let was_there = self.store.read_all(&part).is_ok();
             self.lost.fetch_add(u64::from(was_there), Ordering::Relaxed);
@@ -105,13 +105,16 @@ fn limited(asked: &OffsetParams) -> OffsetParams {
 }
 
 /// Returns the offset, the number of pieces that ran, and that of parts that were lost.
-fn in_pieces(mesh: &TriMesh, asked: &OffsetParams, luck: Luck) -> (StoredOffset, [u64; 2]) {
+fn in_pieces(mesh: &TriMesh, asked: &OffsetParams, faults: Faults) -> (StoredOffset, [u64; 2]) {
     let folder = tempfile::tempdir().unwrap();
-    let bench = Bench::new(folder.path(), luck);
-    let counts = [&bench.ran, &bench.lost].map(Arc::clone);
-    let team = Arc::new(Team::new(Arc::clone(&bench.store), Box::new(bench)));
+    let executor = LocalExecutor::new(folder.path(), faults);
+    let counts = [&executor.ran, &executor.lost].map(Arc::clone);
+    let cluster = Arc::new(Cluster::new(
+        Arc::clone(&executor.store),
+        Box::new(executor),
+    ));
     let none = Progress::none();
-    let made = offset_in_pieces(mesh, asked, &storage, &team, &none).unwrap();
+    let made = offset_in_pieces(mesh, asked, &storage, &cluster, &none).unwrap();
     let StoredOffset { surface, report } = made;
     // the surface may lie in parts
     let surface = surface.into_mesh(&none).unwrap().into();
@@ -133,13 +136,13 @@ fn the_surface_is_the_same_byte_by_byte_whoever_runs_the_pieces() {
         let alone = offset_stored(mesh, &asked, &storage, &none).unwrap();
         let expected = alone.surface.into_mesh(&none).unwrap();
         assert!(alone.report.tiles > 1, "{name}: {}", alone.report.tiles);
-        for luck in [Luck::Good, Luck::Mixed, Luck::Bad] {
-            let (made, [ran, lost]) = in_pieces(mesh, &asked, luck);
-            assert_eq!(made.report, alone.report, "{name}, {luck:?}");
+        for faults in [Faults::None, Faults::Reordered, Faults::LostParts] {
+            let (made, [ran, lost]) = in_pieces(mesh, &asked, faults);
+            assert_eq!(made.report, alone.report, "{name}, {faults:?}");
             let mesh = made.surface.into_mesh(&none).unwrap();
-            assert!(mesh == expected, "{name}, {luck:?}");
+            assert!(mesh == expected, "{name}, {faults:?}");
             assert!(ran > 20);
-            assert_eq!(lost > 0, luck == Luck::Bad, "{name}");
+            assert_eq!(lost > 0, faults == Faults::LostParts, "{name}");
         }
     }
 }
@@ -153,7 +156,7 @@ fn a_shell_and_a_surface_in_one_piece_are_made_as_well() {
     ] {
         let none = Progress::none();
         let alone = offset_stored(&mesh, &asked, &storage, &none).unwrap();
-        let (made, _) = in_pieces(&mesh, &asked, Luck::Good);
+        let (made, _) = in_pieces(&mesh, &asked, Faults::None);
         assert_eq!(made.report, alone.report);
         let [made, alone] = [made, alone].map(|offset| offset.surface.into_mesh(&none).unwrap());
         assert!(made == alone);
@@ -163,7 +166,7 @@ fn a_shell_and_a_surface_in_one_piece_are_made_as_well() {
 #[test]
 fn a_failed_piece_and_a_cancellation_end_the_work() {
     struct Broken(Option<io::ErrorKind>);
-    impl Crew for Broken {
+    impl Executor for Broken {
         fn submit(&mut self, _: u64, _: Vec<u8>) -> io::Result<()> {
             Ok(())
         }
@@ -178,9 +181,9 @@ fn a_failed_piece_and_a_cancellation_end_the_work() {
     let asked = limited(&params(Side::Outer, 0.08, 0.0016, true));
     let folder = tempfile::tempdir().unwrap();
     let store: Arc<dyn PartStore> = Arc::new(FolderStore::new(folder.path()));
-    let run = |crew: Broken| {
-        let team = Arc::new(Team::new(Arc::clone(&store), Box::new(crew)));
-        offset_in_pieces(&mesh, &asked, &storage, &team, &Progress::none()).unwrap_err()
+    let run = |executor: Broken| {
+        let cluster = Arc::new(Cluster::new(Arc::clone(&store), Box::new(executor)));
+        offset_in_pieces(&mesh, &asked, &storage, &cluster, &Progress::none()).unwrap_err()
     };
     let error = run(Broken(None));
     assert!(error.to_string().contains("the disk is full"), "{error}");
@@ -201,9 +204,9 @@ fn what_no_coordinator_wrote_is_refused() {
     }
     let mesh = torus(1.0, 0.4, 12, 8).mesh;
     let asked = params(Side::Outer, 0.08, 0.004, true);
-    let bench = Bench::new(folder.path(), Luck::Good);
-    let team = Arc::new(Team::new(Arc::clone(&store), Box::new(bench)));
-    offset_in_pieces(&mesh, &asked, &storage, &team, &none).unwrap();
+    let executor = LocalExecutor::new(folder.path(), Faults::None);
+    let cluster = Arc::new(Cluster::new(Arc::clone(&store), Box::new(executor)));
+    offset_in_pieces(&mesh, &asked, &storage, &cluster, &none).unwrap();
     let worker = OffsetWorker::open(store, &none).unwrap();
     for piece in [&[][..], &[9; 3], &[255; 40]] {
         assert!(worker.run(piece, &none).is_err());

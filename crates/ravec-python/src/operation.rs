@@ -90,20 +90,20 @@ fn run(
     inputs: &Bound<'_, PyDict>,
     color_space: &str,
     progress: Option<&Bound<'_, PyAny>>,
-    team: Option<&Bound<'_, PyAny>>,
+    cluster: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Context) -> Result<Report, ravec_jobs::JobError> + Send + 'static,
 ) -> PyResult<Outcome> {
     let mut context = Context::default().with_intermediates();
-    context.team = pieces::team(team)?;
+    context.cluster = pieces::cluster(cluster)?;
     let kind = insert(&context, inputs, color_space)?.unwrap_or(PixelKind::RGB8);
     let given = context.clone();
-    let is_team = context.team.is_some();
+    let is_remote = context.cluster.is_some();
     let work = move |progress: &Progress| {
         let mut context = given;
         context.progress = progress.clone();
         work(&context).map_err(|error| of_job(&error))
     };
-    let report = if is_team {
+    let report = if is_remote {
         // workers may be threads of this process, and need the pool
         work::run_apart(py, progress, work)?
     } else {
@@ -117,20 +117,20 @@ fn run(
     })
 }
 
-/// Runs an operation whose fields are JSON. Paths that begin with @ are inputs and outputs in memory. A team is a store and a crew
+/// Runs an operation whose fields are JSON. Paths that begin with @ are inputs and outputs in memory. A cluster is a store and an executor
 /// that run its pieces.
 #[pyfunction]
-#[pyo3(signature = (fields, inputs, color_space = "srgb", progress = None, team = None))]
+#[pyo3(signature = (fields, inputs, color_space = "srgb", progress = None, cluster = None))]
 pub fn run_operation(
     py: Python<'_>,
     fields: &str,
     inputs: &Bound<'_, PyDict>,
     color_space: &str,
     progress: Option<&Bound<'_, PyAny>>,
-    team: Option<&Bound<'_, PyAny>>,
+    cluster: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Outcome> {
     let step: Step = serde_json::from_str(fields).map_err(of_request)?;
-    run(py, inputs, color_space, progress, team, move |context| {
+    run(py, inputs, color_space, progress, cluster, move |context| {
         step.operation().run(context)
     })
 }

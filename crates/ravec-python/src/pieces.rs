@@ -1,4 +1,4 @@
-//! Work in pieces: a crew and a store that Python carries, and workers.
+//! Work in pieces: an executor and a store that Python carries, and workers.
 
 use crate::error::{of_request, of_task};
 use crate::work;
@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyString};
 use ravec::memory::MemoryBudget;
 use ravec::offset;
-use ravec::pieces::{Crew, FolderStore, PartStore, Team};
+use ravec::pieces::{Cluster, Executor, FolderStore, PartStore};
 use ravec::progress::Progress;
 use ravec_jobs::mosaic::MosaicWorker;
 use std::io::{Error, ErrorKind, Result};
@@ -71,11 +71,11 @@ impl PartStore for PythonStore {
     }
 }
 
-/// A crew that an object of Python leads, by its methods `submit(number, piece)` and `next()`, which returns a number and an
+/// An executor that an object of Python leads, by its methods `submit(number, piece)` and `next()`, which returns a number and an
 /// answer, or `None` after a short time without one.
-struct PythonCrew(Py<PyAny>);
+struct PythonExecutor(Py<PyAny>);
 
-impl Crew for PythonCrew {
+impl Executor for PythonExecutor {
     fn submit(&mut self, number: u64, piece: Vec<u8>) -> Result<()> {
         Python::attach(|py| {
             let piece = PyBytes::new(py, &piece);
@@ -110,12 +110,12 @@ fn store(value: &Bound<'_, PyAny>) -> PyResult<Arc<dyn PartStore>> {
     Ok(Arc::new(PythonStore(value.clone().unbind())))
 }
 
-/// The team of a store and a crew.
-pub fn team(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Arc<Team>>> {
+/// The cluster of a store and an executor.
+pub fn cluster(value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Arc<Cluster>>> {
     let Some(value) = value else { return Ok(None) };
-    let (parts, crew): (Bound<'_, PyAny>, Py<PyAny>) = value.extract()?;
-    let team = Team::new(store(&parts)?, Box::new(PythonCrew(crew)));
-    Ok(Some(Arc::new(team)))
+    let (parts, executor): (Bound<'_, PyAny>, Py<PyAny>) = value.extract()?;
+    let cluster = Cluster::new(store(&parts)?, Box::new(PythonExecutor(executor)));
+    Ok(Some(Arc::new(cluster)))
 }
 
 /// A worker for the pieces of one work.

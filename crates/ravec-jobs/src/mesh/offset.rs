@@ -288,8 +288,8 @@ impl Operation for Offset {
         let beside = Some(output.as_path())
             .filter(|path| !is_stream(path) && !context.is_intermediate(path));
         let storage = || Ok(Box::new(scratch_file(beside)?) as Box<dyn library::Storage>);
-        let offset = report.time("offset", || match &context.team {
-            Some(team) => library::offset_in_pieces(&mesh, &asked, &storage, team, progress),
+        let offset = report.time("offset", || match &context.cluster {
+            Some(cluster) => library::offset_in_pieces(&mesh, &asked, &storage, cluster, progress),
             None => library::offset_stored(&mesh, &asked, &storage, progress),
         });
         let library::StoredOffset {

@@ -13,7 +13,7 @@ use crate::store::{
 };
 use crate::surface::Edits;
 use ravec_mesh::TriMesh;
-use ravec_pieces::{Crew, PartStore, Team};
+use ravec_pieces::{Cluster, Executor, PartStore};
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 use std::io::{self, ErrorKind};
@@ -23,7 +23,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Restorations of one part before the store counts as unreliable.
 const MAX_RESTORED: u32 = 8;
 
-/// Computes the surface as [`offset_stored`](crate::offset_stored) does, with the steps in pieces that a crew runs by
+/// Computes the surface as [`offset_stored`](crate::offset_stored) does, with the steps in pieces that an executor runs by
 /// [`OffsetWorker`](crate::OffsetWorker) on the parts in a store, which must be empty. The caller removes the parts.
 ///
 /// [`OffsetParams::memory_bytes`] is the limit of each worker, and determines the pieces: without one, all of space is one
@@ -35,10 +35,10 @@ pub fn offset_in_pieces(
     mesh: &TriMesh,
     params: &OffsetParams,
     storage: NewStorage<'_>,
-    team: &Arc<Team>,
+    cluster: &Arc<Cluster>,
     progress: &Progress,
 ) -> Result<StoredOffset, OffsetError> {
-    offset_with(mesh, params, storage, Some(team), progress)
+    offset_with(mesh, params, storage, Some(cluster), progress)
 }
 
 /// State of the work.
@@ -52,7 +52,7 @@ struct State {
     surfaces: u64,
     /// The piece that wrote each part, and how often.
     made_by: FxHashMap<u64, (Piece, u32)>,
-    /// Tiles that were made again, by the part that was lost.
+    /// Recomputed tiles by the number of their lost part.
     replaced: FxHashMap<u64, Box<StoredTile>>,
 }
 
@@ -63,13 +63,13 @@ pub(crate) struct Coordinator {
 
 /// What the coordinator and the surfaces that it reads share.
 struct Shared {
-    team: Arc<Team>,
+    cluster: Arc<Cluster>,
     state: Mutex<State>,
     progress: Progress,
 }
 
-/// The parts as the coordinator reads them: those that are lost are made again.
-struct Restored(Arc<Shared>);
+/// The parts for the coordinator, with lost ones recomputed.
+struct RestoringStore(Arc<Shared>);
 
 impl Shared {
     fn state(&self) -> MutexGuard<'_, State> {
@@ -77,20 +77,20 @@ impl Shared {
     }
 
     fn write(&self, name: &str, bytes: &[u8]) -> Result<(), OffsetError> {
-        self.team.store().write(name, bytes).map_err(failed)
+        self.cluster.store().write(name, bytes).map_err(failed)
     }
 }
 
 impl Coordinator {
     /// Publishes the input.
     pub fn start(
-        team: &Arc<Team>,
+        cluster: &Arc<Cluster>,
         mesh: &TriMesh,
         params: &OffsetParams,
         progress: &Progress,
     ) -> Result<Self, OffsetError> {
         let shared = Shared {
-            team: Arc::clone(team),
+            cluster: Arc::clone(cluster),
             state: Mutex::default(),
             progress: progress.clone(),
         };
@@ -109,18 +109,21 @@ impl Coordinator {
         progress: &Progress,
     ) -> Result<Vec<(Work, Answer)>, OffsetError> {
         let mut state = self.shared.state();
-        let mut crew = self.shared.team.crew();
-        let crew = &mut **crew;
+        let mut executor = self.shared.cluster.executor();
+        let executor = &mut **executor;
         let mut batch = Batch::default();
         for work in works {
-            batch.submit(work, &mut state, crew)?;
+            batch.submit(work, &mut state, executor)?;
         }
-        let (mut shown, mut total) = (progress.phase(phase, batch.out() as u64), batch.out());
+        let (mut shown, mut total) = (
+            progress.phase(phase, batch.pending() as u64),
+            batch.pending(),
+        );
         let mut done = 0;
-        while batch.out() > 0 {
-            let (number, answer) = crew.next(progress).map_err(piece_failed)?;
+        while batch.pending() > 0 {
+            let (number, answer) = executor.next(progress).map_err(piece_failed)?;
             let answer: Answer = ravec_pieces::from_bytes(&answer).map_err(failed)?;
-            let added = batch.answered(number, answer, &follow, &mut state, crew)?;
+            let added = batch.answered(number, answer, &follow, &mut state, executor)?;
             done += 1;
             if added > 0 {
                 total += added;
@@ -160,8 +163,8 @@ impl Coordinator {
     }
 }
 
-impl Restored {
-    /// Returns whether a part is a tile, which is not the same bytes when it is made again.
+impl RestoringStore {
+    /// Returns whether a part is a tile, whose bytes may differ when it is recomputed.
     fn is_tile(&self, name: &str) -> bool {
         let part = name
             .strip_prefix(PART)
@@ -171,33 +174,33 @@ impl Restored {
         piece.is_some_and(|(piece, _)| matches!(piece.work, Work::Tile { .. }))
     }
 
-    /// Makes a part again.
+    /// Recomputes a lost part.
     fn restore(&self, part: u64) -> Result<(), OffsetError> {
         let Self(shared) = self;
         let mut state = shared.state();
-        if shared.team.store().read_all(&part_name(part)).is_ok() {
+        if shared.cluster.store().read_all(&part_name(part)).is_ok() {
             // another thread restored it
             return Ok(());
         }
-        let mut crew = shared.team.crew();
+        let mut executor = shared.cluster.executor();
         let mut batch = Batch::default();
-        batch.make_again(part, &mut state, &mut **crew)?;
-        while batch.out() > 0 {
-            let (number, answer) = crew.next(&shared.progress).map_err(piece_failed)?;
+        batch.recompute(part, &mut state, &mut **executor)?;
+        while batch.pending() > 0 {
+            let (number, answer) = executor.next(&shared.progress).map_err(piece_failed)?;
             let answer: Answer = ravec_pieces::from_bytes(&answer).map_err(failed)?;
-            batch.answered(number, answer, &|_, _| vec![], &mut state, &mut **crew)?;
+            batch.answered(number, answer, &|_, _| vec![], &mut state, &mut **executor)?;
         }
         Ok(())
     }
 }
 
-impl PartStore for Restored {
+impl PartStore for RestoringStore {
     fn write(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
-        self.0.team.store().write(name, bytes)
+        self.0.cluster.store().write(name, bytes)
     }
 
     fn read(&self, name: &str, range: Range<u64>) -> io::Result<Vec<u8>> {
-        let found = self.0.team.store().read(name, range.clone());
+        let found = self.0.cluster.store().read(name, range.clone());
         let is_lost = |error: &io::Error| {
             matches!(error.kind(), ErrorKind::NotFound | ErrorKind::UnexpectedEof)
         };
@@ -208,39 +211,39 @@ impl PartStore for Restored {
                     .and_then(|number| number.parse().ok());
                 let part = part.ok_or(error)?;
                 self.restore(part).map_err(io::Error::other)?;
-                self.0.team.store().read(name, range)
+                self.0.cluster.store().read(name, range)
             }
             found => found,
         }
     }
 
     fn read_all(&self, name: &str) -> io::Result<Vec<u8>> {
-        self.0.team.store().read_all(name)
+        self.0.cluster.store().read_all(name)
     }
 
     fn remove(&self, name: &str) -> io::Result<()> {
-        self.0.team.store().remove(name)
+        self.0.cluster.store().remove(name)
     }
 }
 
 /// The pieces of one step.
 #[derive(Default)]
 struct Batch {
-    /// Pieces that are out, by their number.
-    out: FxHashMap<u64, Piece>,
-    /// Pieces that wait for a part, and the piece that makes it again.
+    /// Pending pieces by number.
+    pending: FxHashMap<u64, Piece>,
+    /// Pieces that wait for a part, with the number of the piece that recomputes it.
     waiting: Vec<(u64, Piece)>,
-    /// Parts that are made again, by the number of the piece; the part that was lost.
+    /// Lost parts by the number of the piece that recomputes them.
     restoring: FxHashMap<u64, u64>,
-    /// Order of the pieces, by their first number.
+    /// Position of each piece in the answers, by number.
     order: FxHashMap<u64, usize>,
     answers: Vec<Option<(Work, Answer)>>,
 }
 
 impl Batch {
-    /// Returns the number of pieces that are out.
-    fn out(&self) -> usize {
-        self.out.len()
+    /// Returns the number of pending pieces.
+    fn pending(&self) -> usize {
+        self.pending.len()
     }
 
     fn into_answers(self) -> Vec<(Work, Answer)> {
@@ -251,21 +254,21 @@ impl Batch {
         &mut self,
         work: Work,
         state: &mut State,
-        crew: &mut dyn Crew,
+        executor: &mut dyn Executor,
     ) -> Result<(), OffsetError> {
         state.pieces += 1;
         let part = state.pieces;
         self.order.insert(part, self.answers.len());
         self.answers.push(None);
-        self.send(Piece { part, work }, state, crew)
+        self.send(Piece { part, work }, state, executor)
     }
 
-    /// Sends a piece, with tiles that were made again in place of lost ones.
+    /// Sends a piece, with recomputed tiles in place of lost ones.
     fn send(
         &mut self,
         mut piece: Piece,
         state: &mut State,
-        crew: &mut dyn Crew,
+        executor: &mut dyn Executor,
     ) -> Result<(), OffsetError> {
         if let Some(tile) = piece.work.tile_mut() {
             while let Some(again) = state.replaced.get(&tile.tree.part) {
@@ -273,8 +276,8 @@ impl Batch {
             }
         }
         let bytes = ravec_pieces::to_bytes(&piece).map_err(failed)?;
-        crew.submit(piece.part, bytes).map_err(piece_failed)?;
-        self.out.insert(piece.part, piece);
+        executor.submit(piece.part, bytes).map_err(piece_failed)?;
+        self.pending.insert(piece.part, piece);
         Ok(())
     }
 
@@ -285,14 +288,14 @@ impl Batch {
         answer: Answer,
         follow: &impl Fn(&Work, &Answer) -> Vec<Work>,
         state: &mut State,
-        crew: &mut dyn Crew,
+        executor: &mut dyn Executor,
     ) -> Result<usize, OffsetError> {
         // a piece that ran twice is answered twice
-        let Some(piece) = self.out.remove(&number) else {
+        let Some(piece) = self.pending.remove(&number) else {
             return Ok(0);
         };
         if let Answer::Missing(part) = answer {
-            self.restore(part, piece, state, crew)?;
+            self.restore(part, piece, state, executor)?;
             return Ok(1);
         }
         let mut added = 0;
@@ -303,7 +306,7 @@ impl Batch {
             let waiting = std::mem::take(&mut self.waiting);
             for (on, waiting) in waiting {
                 if on == number {
-                    self.send(waiting, state, crew)?;
+                    self.send(waiting, state, executor)?;
                     added += 1;
                 } else {
                     self.waiting.push((on, waiting));
@@ -313,7 +316,7 @@ impl Batch {
             let following = follow(&piece.work, &answer);
             added += following.len();
             for work in following {
-                self.submit(work, state, crew)?;
+                self.submit(work, state, executor)?;
             }
             let at = *self.order.get(&number).ok_or_else(damaged)?;
             self.answers[at] = Some((piece.work.clone(), answer));
@@ -323,29 +326,29 @@ impl Batch {
         Ok(added)
     }
 
-    /// Makes a lost part again, for a piece that needs it.
+    /// Recomputes a lost part for a piece that needs it.
     fn restore(
         &mut self,
         lost: u64,
         needed_by: Piece,
         state: &mut State,
-        crew: &mut dyn Crew,
+        executor: &mut dyn Executor,
     ) -> Result<(), OffsetError> {
         if let Some((&on, _)) = self.restoring.iter().find(|&(_, &part)| part == lost) {
             self.waiting.push((on, needed_by));
             return Ok(());
         }
-        let on = self.make_again(lost, state, crew)?;
+        let on = self.recompute(lost, state, executor)?;
         self.waiting.push((on, needed_by));
         Ok(())
     }
 
-    /// Has a lost part made again; returns the number of the piece.
-    fn make_again(
+    /// Sends the piece that recomputes a lost part; returns its number.
+    fn recompute(
         &mut self,
         lost: u64,
         state: &mut State,
-        crew: &mut dyn Crew,
+        executor: &mut dyn Executor,
     ) -> Result<u64, OffsetError> {
         let missing = OffsetError::MissingPart { part: lost };
         let (piece, times) = state.made_by.get_mut(&lost).ok_or(missing.clone())?;
@@ -363,14 +366,14 @@ impl Batch {
         }
         let on = piece.part;
         self.restoring.insert(on, lost);
-        self.send(piece, state, crew)?;
+        self.send(piece, state, executor)?;
         Ok(on)
     }
 }
 
 impl Remote for Coordinator {
     fn parts(&self) -> Scratch {
-        Scratch::of_parts(Arc::new(Restored(Arc::clone(&self.shared))), u64::MAX)
+        Scratch::of_parts(Arc::new(RestoringStore(Arc::clone(&self.shared))), u64::MAX)
     }
 
     fn advance(
@@ -422,7 +425,7 @@ impl Remote for Coordinator {
         let mut state = self.shared.state();
         for part in replaced {
             state.made_by.remove(&part);
-            let store = self.shared.team.store();
+            let store = self.shared.cluster.store();
             store.remove(&part_name(part)).map_err(failed)?;
         }
         Ok(done)
