@@ -76,7 +76,15 @@ def corners(points: Points, count: int | None = None) -> str:
     if array.ndim != 2 or array.shape[1] != 2 or (count is not None and len(array) != count):
         wanted = "N" if count is None else str(count)
         raise ValueError(f"points have the shape ({wanted}, 2), not {array.shape}")
+    check_finite(array)
     return ",".join(repr(float(value)) for value in array.ravel())
+
+
+def check_finite(points: NDArray[np.float64]) -> None:
+    """Refuses points that are not numbers."""
+    wrong = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if wrong.size:
+        raise ValueError(f"point {wrong[0]} is {points[wrong[0]].tolist()}, but coordinates must be finite numbers")
 
 
 def text(value: object) -> str | None:

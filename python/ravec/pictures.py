@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import NDArray
 
 from . import _ravec
@@ -18,6 +19,7 @@ from ._options import (
     Points,
     Progress,
     as_array,
+    check_finite,
     listener,
     operate,
     picture,
@@ -293,6 +295,7 @@ def brush(
         listed = list(strokes)
         if listed and not isinstance(listed[0], Mapping):
             data = [[float(x), float(y)] for x, y in listed]
+            check_finite(np.asarray(data, dtype=np.float64))
         else:
             data = listed
     outcome = operate(

@@ -88,6 +88,8 @@ def test_brushes_stop_at_edges(picture: np.ndarray) -> None:
     )
     assert tuple(crossing[16, 40]) == (0, 255, 0)
     assert np.array_equal(ravec.brush(picture, [stroke], undo=1), picture)
+    with pytest.raises(ValueError, match=r"point 1 is \[nan, 16\.0\]"):
+        ravec.brush(picture, [(10, 16), (np.nan, 16)], mode="color", color=(0, 255, 0))
 
 
 def test_a_retargeter_is_asked_many_times(tmp_path: Path) -> None:

@@ -128,7 +128,6 @@ fn the_surface_is_the_same_byte_by_byte_whoever_runs_the_pieces() {
     let comb = comb(2, 0.3, 0.3, 0.8).mesh;
     for (name, mesh, asked) in [
         ("ring", &ring, params(Side::Outer, 0.08, 0.0008, true)),
-        ("comb", &comb, params(Side::Both, 0.05, 0.001, true)),
         ("comb", &comb, params(Side::Both, 0.05, 0.001, false)),
     ] {
         let asked = limited(&asked);
