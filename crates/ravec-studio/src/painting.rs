@@ -3,7 +3,7 @@
 use crate::document::Edit;
 use crate::shown::Shown;
 use ravec::progress::Progress;
-use ravec::raster::{Color, Image, LinearRgba, Rect, with_image};
+use ravec::raster::{AnyImage, Color, Image, LinearRgba, Rect, with_image};
 use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes, replay};
 use ravec_media::Picture;
 use std::sync::Arc;
@@ -22,6 +22,8 @@ struct Present {
     /// Strokes before the one in the hand.
     done: Vec<Stroke>,
     shown: Shown,
+    /// The picture before the one that is shown, and where the two differ.
+    spare: Option<(Arc<Picture>, Rect)>,
 }
 
 /// Strokes of an edit that are in half-integer coordinates of a picture of this size; `None` for what the operation has to judge.
@@ -80,13 +82,16 @@ impl Painting {
                         brush,
                         done: done.strokes,
                         shown: Shown::new(Arc::new(picture)),
+                        spare: None,
                     };
                     (present, Rect::default())
                 }
             };
         if !region.is_empty() {
-            let picture = patched(present.shown.picture(), present.brush.image(), region);
-            present.shown = present.shown.changed(Arc::new(picture), region);
+            let before = present.shown.picture().clone();
+            let picture = patched(present.spare.take(), &before, present.brush.image(), region);
+            present.shown = present.shown.changed(picture, region);
+            present.spare = Some((before, region));
         }
         let shown = Arc::new(present.shown.clone());
         self.present = Some(present);
@@ -137,16 +142,33 @@ impl Present {
 }
 
 /// A picture with a region of it taken from a painted one, in the type of the picture.
-fn patched(picture: &Picture, painted: &Image<LinearRgba>, region: Rect) -> Picture {
+///
+/// A spare picture that nobody shows any more takes the region, and where it differs from the picture, without a copy of the rest.
+fn patched(
+    spare: Option<(Arc<Picture>, Rect)>,
+    picture: &Picture,
+    painted: &Image<LinearRgba>,
+    region: Rect,
+) -> Arc<Picture> {
+    if let Some((mut spare, stale)) = spare
+        && let Some(unused) = Arc::get_mut(&mut spare)
+    {
+        take_region(&mut unused.image, painted, region.bounding(stale));
+        return spare;
+    }
     let mut image = picture.image.clone();
-    with_image!(&mut image, image => for row in region.row..region.bottom() {
+    take_region(&mut image, painted, region);
+    Arc::new(picture.with_pixels(image))
+}
+
+fn take_region(image: &mut AnyImage, painted: &Image<LinearRgba>, region: Rect) {
+    with_image!(image, image => for row in region.row..region.bottom() {
         let columns = region.col..region.right();
         let painted = &painted.row(row)[columns.clone()];
         for (pixel, &color) in image.row_mut(row)[columns].iter_mut().zip(painted) {
             *pixel = Color::from_linear(color);
         }
     });
-    picture.with_pixels(image)
 }
 
 #[cfg(test)]

@@ -17,6 +17,9 @@ const MIN_SIDE: usize = 64;
 /// Side of a tile in pixels.
 pub const TILE: usize = 512;
 
+/// Rows of a band: a change copies the bands that it touches.
+const BAND: usize = 64;
+
 /// Red, green, blue and alpha, straight.
 pub type Rgba = [u8; 4];
 
@@ -42,8 +45,8 @@ pub struct Shown {
 struct Level {
     width: usize,
     height: usize,
-    /// Row by row; empty for the full size.
-    pixels: Vec<Rgba>,
+    /// Bands of rows, which states of a picture share; none for the full size.
+    bands: Vec<Arc<Vec<Rgba>>>,
     /// State of each tile, row by row.
     stamps: Vec<u64>,
 }
@@ -80,24 +83,26 @@ impl Shown {
     pub fn exposed(picture: Arc<Picture>, exposure: f32) -> Self {
         let image = &picture.image;
         let size = [image.size().width(), image.size().height()];
-        let mut levels = vec![Level::new(size[0], size[1], Vec::new())];
+        let mut levels = vec![Level::new(size[0], size[1], vec![])];
         while let Some(last) = levels.last()
             && last.width.min(last.height) >= 2 * MIN_SIDE
         {
             let (width, height) = (last.width / 2, last.height / 2);
-            let mut pixels = vec![[0; 4]; width * height];
-            let rows = pixels.par_chunks_mut(width).enumerate();
-            match levels.len() {
-                1 => rows.for_each(|(row, out)| {
-                    let pair = Rect::new(0, 2 * row, 2 * width, 2);
-                    halve_rows(&drawn(image, pair, exposure), 2 * width, out);
-                }),
-                _ => rows.for_each(|(row, out)| {
-                    let two = &last.pixels[2 * row * last.width..][..2 * last.width];
-                    halve_rows(two, last.width, out);
-                }),
-            }
-            let level = Level::new(width, height, pixels);
+            let is_first = levels.len() == 1;
+            let bands = (0..height.div_ceil(BAND)).into_par_iter().map(|band| {
+                let rows = band * BAND..height.min((band + 1) * BAND);
+                let mut pixels = vec![[0; 4]; width * rows.len()];
+                for (row, out) in rows.zip(pixels.chunks_exact_mut(width)) {
+                    if is_first {
+                        let pair = drawn(image, Rect::new(0, 2 * row, 2 * width, 2), exposure);
+                        halve_rows(pair.split_at(2 * width), out);
+                    } else {
+                        halve_rows((last.row(2 * row), last.row(2 * row + 1)), out);
+                    }
+                }
+                Arc::new(pixels)
+            });
+            let level = Level::new(width, height, bands.collect());
             levels.push(level);
         }
         Self {
@@ -114,7 +119,7 @@ impl Shown {
         Self { size, ..self }
     }
 
-    /// The state after a change of the picture inside of `region`, with the cost of the region and of a copy of the smaller sizes.
+    /// The state after a change of the picture inside of `region`, with the cost of the region and of the bands that it touches.
     ///
     /// # Panics
     /// If the picture has another size.
@@ -137,14 +142,14 @@ impl Shown {
             let height = region.bottom().div_ceil(2).min(level.height) - top.min(level.height);
             region = Rect::new(left, top, width, height);
             for row in top..top + height {
-                let out = &mut level.pixels[row * level.width + left..][..width];
+                let out = &mut level.row_mut(row)[left..][..width];
                 if index == 1 {
                     let pair = Rect::new(2 * left, 2 * row, 2 * width, 2);
-                    halve_rows(&drawn(image, pair, self.exposure), 2 * width, out);
+                    let pair = drawn(image, pair, self.exposure);
+                    halve_rows(pair.split_at(2 * width), out);
                 } else {
-                    let of = |row: usize| &last.pixels[row * last.width + 2 * left..][..2 * width];
-                    let two = [of(2 * row), of(2 * row + 1)].concat();
-                    halve_rows(&two, 2 * width, out);
+                    let of = |row: usize| &last.row(row)[2 * left..][..2 * width];
+                    halve_rows((of(2 * row), of(2 * row + 1)), out);
                 }
             }
             level.touch(region);
@@ -221,7 +226,7 @@ impl Shown {
         } else {
             let level = &self.levels[tile.level];
             let rows = (top..top + height).flat_map(|row| {
-                let row = &level.pixels[row * level.width + left..][..width];
+                let row = &level.row(row)[left..][..width];
                 row.iter().copied()
             });
             rows.collect()
@@ -266,19 +271,29 @@ impl Shown {
 
     /// Bytes of the smaller sizes.
     pub fn bytes(&self) -> usize {
-        self.levels.iter().map(|level| 4 * level.pixels.len()).sum()
+        let bands = self.levels.iter().flat_map(|level| &level.bands);
+        bands.map(|band| 4 * band.len()).sum()
     }
 }
 
 impl Level {
-    fn new(width: usize, height: usize, pixels: Vec<Rgba>) -> Self {
+    fn new(width: usize, height: usize, bands: Vec<Arc<Vec<Rgba>>>) -> Self {
         let stamp = next_stamp();
         Self {
             width,
             height,
-            pixels,
+            bands,
             stamps: vec![stamp; width.div_ceil(TILE) * height.div_ceil(TILE)],
         }
+    }
+
+    fn row(&self, row: usize) -> &[Rgba] {
+        &self.bands[row / BAND][row % BAND * self.width..][..self.width]
+    }
+
+    fn row_mut(&mut self, row: usize) -> &mut [Rgba] {
+        let band = Arc::make_mut(&mut self.bands[row / BAND]);
+        &mut band[row % BAND * self.width..][..self.width]
     }
 
     /// Marks the tiles that a region meets as changed.
@@ -322,9 +337,8 @@ fn cut<P: Pixel>(image: &Image<P>, place: Rect, draw: impl Fn(&P) -> Rgba) -> Ve
     pixels
 }
 
-/// The means of 2 × 2 pixels of two rows of `width` pixels each.
-fn halve_rows(two: &[Rgba], width: usize, out: &mut [Rgba]) {
-    let (upper, lower) = two.split_at(width);
+/// The means of 2 × 2 pixels of two rows.
+fn halve_rows((upper, lower): (&[Rgba], &[Rgba]), out: &mut [Rgba]) {
     let pairs = upper.chunks_exact(2).zip(lower.chunks_exact(2));
     for (out, (a, b)) in out.iter_mut().zip(pairs) {
         *out = std::array::from_fn(|k| {
