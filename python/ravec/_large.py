@@ -28,6 +28,20 @@ def _page(tiff: Any, url: str) -> Any:
     planes_apart = page.samplesperpixel > 1 and int(page.planarconfig) != 1
     if planes_apart or page.dtype not in (np.dtype(np.uint8), np.dtype(np.uint16), np.dtype(np.float32)):
         raise ValueError(f"{url}: only TIFF files with 8 or 16 bit or 32 bit floats, pixel by pixel, are read in rows")
+    # grays from black to white, or colors, and at most straight alpha; rows from the top
+    colors = {1: 1, 2: 3}.get(int(page.photometric))
+    extra = [int(kind) for kind in page.extrasamples]
+    orientation = page.tags.get(274)
+    if (
+        colors is None
+        or page.samplesperpixel != colors + len(extra)
+        or extra not in ([], [2])
+        or (orientation is not None and int(orientation.value) != 1)
+    ):
+        raise ValueError(
+            f"{url}: only gray or RGB with or without straight alpha, rows from the top, is read in rows: "
+            "convert the file first"
+        )
     return page
 
 

@@ -264,7 +264,7 @@ def _on_chunks(array: Any, work: Callable[[NDArray[Any]], NDArray[Any]], halo_px
         array = array.rechunk({2: -1})
     if halo_px:
         for axis in (0, 1):
-            if min(array.chunks[axis]) < halo_px + 8:
+            if len(array.chunks[axis]) > 1 and min(array.chunks[axis]) < halo_px + 8:
                 least = min(halo_px + 8, array.shape[axis])
                 chunks = dask.array.overlap.ensure_minimum_chunksize(least, array.chunks[axis])
                 array = array.rechunk({axis: chunks})
@@ -272,7 +272,9 @@ def _on_chunks(array: Any, work: Callable[[NDArray[Any]], NDArray[Any]], halo_px
         array = _aligned(array, 8)
     overlapped = array
     if halo_px:
-        overlapped = dask.array.overlap.overlap(array, depth={0: halo_px, 1: halo_px}, boundary="none")
+        # a single chunk has no neighbors, and may be smaller than the halo
+        depth = {axis: halo_px if len(array.chunks[axis]) > 1 else 0 for axis in (0, 1)}
+        overlapped = dask.array.overlap.overlap(array, depth=depth, boundary="none")
     chunks = tuple(
         tuple(scale * side for side in sides) if axis < 2 else sides for axis, sides in enumerate(array.chunks)
     )

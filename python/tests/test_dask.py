@@ -196,8 +196,9 @@ def test_large_files_are_filtered_in_rows(client: Any, tmp_path: Path, kind: str
         image = (image[..., 1].astype(np.uint16) * 257).astype(np.uint16)
     if kind == "alpha":
         image = np.dstack([image, np.tile(np.arange(230, dtype=np.uint8), (170, 1))])
+    straight: dict[str, Any] = {"photometric": "rgb", "extrasamples": ["unassalpha"]} if kind == "alpha" else {}
     layout: dict[str, Any] = {"tile": (64, 48)} if kind == "tiles" else {"rowsperstrip": 9, "compression": "zlib"}
-    tifffile.imwrite(tmp_path / "large.tif", image, **layout)
+    tifffile.imwrite(tmp_path / "large.tif", image, **layout, **straight)
     # chunks of some rows
     monkeypatch.setattr(_large, "_CHUNK_BYTES", 30_000)
     array = cluster_of_ravec.read(tmp_path / "large.tif")
@@ -211,6 +212,29 @@ def test_large_files_are_filtered_in_rows(client: Any, tmp_path: Path, kind: str
 
     with fsspec.open("memory://large/twice.tif", "rb") as file:
         assert np.array_equal(tifffile.imread(file), ravec.enlarge(image, 2))
+
+
+def test_pictures_smaller_than_the_halo_are_filtered(client: Any) -> None:
+    for shape in ((1, 1, 3), (5, 300, 3), (40, 7)):
+        image = np.full(shape, 90, dtype=np.uint8)
+        array = dask.array.from_array(image, chunks=(30, 60) + ((-1,) if len(shape) == 3 else ()))
+        assert np.array_equal(cluster_of_ravec.smooth(array).compute(), ravec.smooth(image))
+        assert cluster_of_ravec.enlarge(array, 2).compute().shape[:2] == (2 * shape[0], 2 * shape[1])
+
+
+def test_files_with_other_colors_are_refused(tmp_path: Path) -> None:
+    tifffile = pytest.importorskip("tifffile")
+    gray, four = np.zeros((10, 10), np.uint8), np.zeros((10, 10, 4), np.uint8)
+    for image, options in (
+        (gray, {"photometric": "palette", "colormap": np.zeros((3, 256), np.uint16)}),
+        (gray, {"photometric": "miniswhite"}),
+        (four, {"photometric": "separated"}),
+        (four, {"photometric": "rgb", "extrasamples": ["assocalpha"]}),
+        (gray, {"extratags": [(274, "H", 1, 6, True)]}),
+    ):
+        tifffile.imwrite(tmp_path / "other.tif", image, **options)
+        with pytest.raises(ValueError, match="gray or RGB"):
+            cluster_of_ravec.read(tmp_path / "other.tif")
 
 
 def test_files_that_are_no_tiff_are_refused(tmp_path: Path) -> None:
