@@ -134,7 +134,7 @@ def offset(path: Path) -> None:
 
     own = measured(lambda: ravec.offset((vertices, faces), distance, tolerance=tolerance, side="outer"), 3)
     for name, mode in (("sharpening", meshlib.OffsetMode.Sharpening), ("marching cubes", meshlib.OffsetMode.Standard)):
-        for factor in (4.0, 2.83, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25):
+        for factor in (11.3, 8.0, 5.66, 4.0, 2.83, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25):
             reached = error(theirs(factor * tolerance, mode))
             if reached <= tolerance:
                 break

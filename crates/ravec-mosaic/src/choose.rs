@@ -287,7 +287,7 @@ impl Photos {
 pub struct TileSearch {
     /// Number of the index, as [`Photos::indices`] lists them.
     pub index: usize,
-    /// What to look for.
+    /// Query vector.
     pub query: Vec<f32>,
     /// Number of the nearest photos to find.
     pub count: usize,

@@ -61,7 +61,7 @@ pub(crate) struct Coordinator {
     shared: Arc<Shared>,
 }
 
-/// What the coordinator and the surfaces that it reads share.
+/// State shared by the coordinator and the surfaces that it reads.
 struct Shared {
     cluster: Arc<Cluster>,
     state: Mutex<State>,

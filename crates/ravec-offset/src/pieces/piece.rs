@@ -18,7 +18,7 @@ pub(super) struct Piece {
     pub work: Work,
 }
 
-/// What a piece consists of.
+/// Task of a piece.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) enum Work {
     /// A tile in the round after a number of rounds with edits.

@@ -7,7 +7,7 @@ use crate::finish::{Finish, Simplifier, is_rough};
 use crate::params::OffsetError;
 use crate::remote::TileTask;
 use crate::repair::{Repair, Round, divide_tile};
-use crate::store::{ChunkedSurface, Scratch, Store, failed, in_memory};
+use crate::store::{ChunkedSurface, Scratch, Store, damaged, failed, in_memory};
 use crate::surface::Edits;
 use crate::task::Task;
 use ravec_pieces::PartStore;
@@ -21,7 +21,7 @@ struct Prepared {
     task: Task,
 }
 
-/// What is computed from an input, once.
+/// Data computed once from an input.
 struct Ready<'a> {
     field: Field<'a>,
     enclosed: Enclosed,
@@ -142,8 +142,17 @@ impl OffsetWorker {
         Ok(Arc::clone(&known))
     }
 
-    /// Returns a published surface.
-    fn surface(&self, number: u64) -> Result<Arc<ChunkedSurface>, OffsetError> {
+    /// Returns a published surface that has a chunk.
+    fn surface(&self, number: u64, chunk: usize) -> Result<Arc<ChunkedSurface>, OffsetError> {
+        let surface = self.known_surface(number)?;
+        if chunk < surface.count() {
+            Ok(surface)
+        } else {
+            Err(damaged())
+        }
+    }
+
+    fn known_surface(&self, number: u64) -> Result<Arc<ChunkedSurface>, OffsetError> {
         let mut known = self.surface.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((of, surface)) = &*known
             && *of == number
@@ -203,11 +212,11 @@ impl Job<'_, '_> {
                 Ok(Answer::Blocks(blocks))
             }
             Work::Defects { surface, chunk } => {
-                let surface = worker.surface(surface)?;
+                let surface = worker.surface(surface, chunk)?;
                 Ok(Answer::Defects(surface.defects_in(chunk, progress)?))
             }
             Work::Simplify { surface, task } => {
-                let surface = worker.surface(surface)?;
+                let surface = worker.surface(surface, task.chunk)?;
                 let store = Store::Storage(own);
                 let Input { mesh, params } = self.input;
                 let is_rough = *(self.ready.is_rough).get_or_init(|| is_rough(mesh, params));
@@ -223,7 +232,7 @@ impl Job<'_, '_> {
                 Ok(Answer::Simplified(Box::new(done)))
             }
             Work::Pairs { surface, chunk } => {
-                let surface = worker.surface(surface)?;
+                let surface = worker.surface(surface, chunk)?;
                 Ok(Answer::Pairs(surface.pairs_in(chunk, progress)?))
             }
             Work::Facts {
@@ -231,7 +240,7 @@ impl Job<'_, '_> {
                 chunk,
                 ample_distance,
             } => {
-                let surface = worker.surface(surface)?;
+                let surface = worker.surface(surface, chunk)?;
                 let facts =
                     (self.finish).facts_of_chunk(&surface, chunk, ample_distance, progress)?;
                 Ok(Answer::Facts(facts))

@@ -123,7 +123,7 @@ impl ChunkedSurface {
     pub fn from_bytes(bytes: &[u8], scratch: Scratch) -> Result<Self, OffsetError> {
         let listed: ListedSurface = ravec_pieces::from_bytes(bytes).map_err(failed)?;
         let blocks = listed.blocks.len();
-        let is_inside = |range: &Range<usize>| range.start <= range.end && range.end <= blocks;
+        let is_inside = |range: &Range<usize>| range.start < range.end && range.end <= blocks;
         if !listed.ranges.iter().all(is_inside) {
             return Err(damaged());
         }
