@@ -228,7 +228,7 @@ impl Surroundings {
                     self.load(simd, &mut opaque, x, y);
                     let found = opaque.best_split(table);
                     for (lane, window) in fitted.iter_mut().enumerate() {
-                        *window = centered(opaque_pixel(table, &found, lane, flat));
+                        *window = centered(opaque_pixel(table, &found.lane(lane), flat));
                     }
                 } else {
                     let weighted =
@@ -236,7 +236,7 @@ impl Surroundings {
                     self.load(simd, weighted, x, y);
                     let found = weighted.best_split(table);
                     for (lane, window) in fitted.iter_mut().enumerate() {
-                        *window = centered(weighted_pixel(table, &found, lane, flat));
+                        *window = centered(weighted_pixel(table, &found.lane(lane), flat));
                     }
                 }
                 receiver(x, y, fitted);

@@ -8,6 +8,7 @@ use fearless_simd::Level;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Color, Image, Oklab, Size};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Search method for the best line of a block.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -122,55 +123,46 @@ impl TwoColorField {
         params: &FitParams,
         progress: &Progress,
     ) -> Result<Self, FitError> {
-        let (size, side) = (image.size(), params.block_px);
-        let search = match params.method {
-            FitMethod::Auto if (2..=AUTO_EXACT_SIDE).contains(&side) => Search::Exact,
-            FitMethod::Auto if (AUTO_EXACT_SIDE..=MAX_SIDE).contains(&side) => Search::CoarseToFine,
-            FitMethod::Exact if (2..=MAX_EXACT_SIDE).contains(&side) => Search::Exact,
-            FitMethod::CoarseToFine if (MIN_COARSE_SIDE..=MAX_SIDE).contains(&side) => {
-                Search::CoarseToFine
-            }
-            _ => return Err(FitError::BlockSize { got: side }),
-        };
-        let grid = size.cells(side);
-        let empty = TwoColorPixel::flat(Oklab::default(), 0.0, 0.0);
-        let mut blocks = vec![empty; grid.pixels()];
-        let flat = FlatThreshold(params.flat_contrast);
-        let phase = progress.phase("fit", grid.height() as u64);
-        // a column that the border clips is fitted on its own, many of its blocks at once
-        let whole = Size::new(size.width() / side, size.height() / side).ok();
-        let clipped = size.width() / side < grid.width();
-        blocks
-            .par_chunks_mut(grid.width())
-            .enumerate()
-            .try_for_each(|(row, out)| {
-                progress.check()?;
-                let alone = clipped && whole.is_some_and(|whole| row < whole.height());
-                let out = &mut out[..grid.width() - usize::from(alone)];
-                fit_block_row(level, image, side, search, row, flat, out);
-                phase.advance(1);
-                Ok::<(), Cancelled>(())
-            })?;
-        if let (true, Some(whole)) = (clipped, whole) {
-            let mut column = vec![empty; whole.height()];
-            column
-                .par_chunks_mut(MAX_LANES)
-                .enumerate()
-                .try_for_each(|(chunk, out)| {
-                    progress.check()?;
-                    let first = [whole.width(), chunk * MAX_LANES];
-                    fit_block_column(level, image, side, search, first, flat, out);
-                    Ok::<(), Cancelled>(())
-                })?;
-            for (row, pixel) in blocks.chunks_mut(grid.width()).zip(column) {
-                row[whole.width()] = pixel;
-            }
-        }
+        let size = image.size();
+        let grid = size.cells(params.block_px.max(1));
         Ok(Self {
             image_size: size,
-            block_px: side,
-            blocks,
+            block_px: params.block_px,
+            blocks: fit_block_rows(level, image, params, 0..grid.height(), progress)?,
         })
+    }
+
+    /// A field of blocks that were fitted elsewhere, row by row.
+    ///
+    /// # Panics
+    /// If `blocks` has not one entry for each block of the grid.
+    pub fn from_blocks(image_size: Size, block_px: usize, blocks: Vec<TwoColorPixel>) -> Self {
+        assert_eq!(
+            blocks.len(),
+            image_size.cells(block_px).pixels(),
+            "one entry a block"
+        );
+        Self {
+            image_size,
+            block_px,
+            blocks,
+        }
+    }
+
+    /// The blocks of some rows of the field of `image`, row by row: those that [`fit`](Self::fit) gives there.
+    ///
+    /// # Errors
+    /// As [`fit`](Self::fit).
+    ///
+    /// # Panics
+    /// If the grid has fewer rows.
+    pub fn fit_some_rows<P: Color>(
+        image: &Image<P>,
+        params: &FitParams,
+        block_rows: Range<usize>,
+        progress: &Progress,
+    ) -> Result<Vec<TwoColorPixel>, FitError> {
+        fit_block_rows(Level::new(), image, params, block_rows, progress)
     }
 
     /// The size of the image that was fitted.
@@ -206,4 +198,66 @@ impl TwoColorField {
     pub fn blocks(&self) -> &[TwoColorPixel] {
         &self.blocks
     }
+}
+
+/// The blocks of some rows of the grid.
+fn fit_block_rows(
+    level: Level,
+    image: &dyn Blocks,
+    params: &FitParams,
+    block_rows: Range<usize>,
+    progress: &Progress,
+) -> Result<Vec<TwoColorPixel>, FitError> {
+    let (size, side) = (image.size(), params.block_px);
+    let search = match params.method {
+        FitMethod::Auto if (2..=AUTO_EXACT_SIDE).contains(&side) => Search::Exact,
+        FitMethod::Auto if (AUTO_EXACT_SIDE..=MAX_SIDE).contains(&side) => Search::CoarseToFine,
+        FitMethod::Exact if (2..=MAX_EXACT_SIDE).contains(&side) => Search::Exact,
+        FitMethod::CoarseToFine if (MIN_COARSE_SIDE..=MAX_SIDE).contains(&side) => {
+            Search::CoarseToFine
+        }
+        _ => return Err(FitError::BlockSize { got: side }),
+    };
+    let grid = size.cells(side);
+    assert!(
+        block_rows.end <= grid.height(),
+        "rows {block_rows:?} of {}",
+        grid.height()
+    );
+    let empty = TwoColorPixel::flat(Oklab::default(), 0.0, 0.0);
+    let mut blocks = vec![empty; grid.width() * block_rows.len()];
+    let flat = FlatThreshold(params.flat_contrast);
+    let phase = progress.phase("fit", block_rows.len() as u64);
+    // a column that the border clips is fitted on its own, many of its blocks at once
+    let whole = [size.width() / side, size.height() / side];
+    let clipped = whole[0] < grid.width() && whole[0] > 0;
+    blocks
+        .par_chunks_mut(grid.width())
+        .enumerate()
+        .try_for_each(|(index, out)| {
+            progress.check()?;
+            let row = block_rows.start + index;
+            let alone = clipped && row < whole[1];
+            let out = &mut out[..grid.width() - usize::from(alone)];
+            fit_block_row(level, image, side, search, row, flat, out);
+            phase.advance(1);
+            Ok::<(), Cancelled>(())
+        })?;
+    let column_rows = block_rows.start..block_rows.end.min(whole[1]);
+    if clipped && !column_rows.is_empty() {
+        let mut column = vec![empty; column_rows.len()];
+        column
+            .par_chunks_mut(MAX_LANES)
+            .enumerate()
+            .try_for_each(|(chunk, out)| {
+                progress.check()?;
+                let first = [whole[0], column_rows.start + chunk * MAX_LANES];
+                fit_block_column(level, image, side, search, first, flat, out);
+                Ok::<(), Cancelled>(())
+            })?;
+        for (row, pixel) in blocks.chunks_mut(grid.width()).zip(column) {
+            row[whole[0]] = pixel;
+        }
+    }
+    Ok(blocks)
 }

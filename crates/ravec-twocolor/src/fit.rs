@@ -3,8 +3,9 @@
 use crate::coarse_to_fine;
 use crate::field::MAX_SIDE;
 use crate::pixel::{MAX_LIGHT, TwoColorPixel, countable};
+use crate::split_sums::SplitSums;
 use crate::split_table::{SplitTable, split_table};
-use crate::sweep::{Batch, Found, FoundWeighted, MAX_LANES, OPAQUE, WEIGHTED};
+use crate::sweep::{Batch, MAX_LANES, OPAQUE, WEIGHTED};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use ravec_raster::color::oklab_from_linear;
@@ -54,7 +55,8 @@ impl<P: Color> Blocks for Image<P> {
         for (lane, run) in pixels.chunks_exact(side).enumerate().take(MAX_LANES) {
             for (slot, &pixel) in out.iter_mut().zip(run) {
                 let [r, g, b, alpha] = pixel.to_linear().0;
-                if P::HAS_ALPHA && alpha < 1.0 {
+                // an alpha that is not a number makes the pixel transparent
+                if P::HAS_ALPHA && !(1.0..=MAX_LIGHT).contains(&alpha) {
                     return false;
                 }
                 slot[0][lane] = r;
@@ -112,7 +114,7 @@ fn fit_row<S: Simd>(
                     let table = split_table(side);
                     let found = opaque.best_split(table);
                     for (lane, pixel) in out.iter_mut().enumerate() {
-                        *pixel = opaque_pixel(table, &found, lane, flat);
+                        *pixel = opaque_pixel(table, &found.lane(lane), flat);
                     }
                 }
                 Search::CoarseToFine => {
@@ -185,7 +187,7 @@ fn fit_weighted<S: Simd>(
             let table = split_table(side);
             let found = batch.best_split(table);
             for (lane, pixel) in out.iter_mut().enumerate() {
-                *pixel = weighted_pixel(table, &found, lane, flat);
+                *pixel = weighted_pixel(table, &found.lane(lane), flat);
             }
         }
         Search::CoarseToFine => {
@@ -282,59 +284,45 @@ fn gather_weighted<S: Simd>(
     }
 }
 
-fn color_at(
-    mean: &[[f32; MAX_LANES]; 3],
-    sum: &[[f32; MAX_LANES]; 3],
-    scale: f32,
-    lane: usize,
-) -> Oklab {
+fn color_at(sums: &SplitSums, scale: f32) -> Oklab {
     Oklab(std::array::from_fn(|c| {
-        mean[c][lane] + sum[c][lane] * scale
+        sums.mean[c] + sums.sum_0[c] * scale
     }))
 }
 
+/// The two-color pixel of an opaque block.
 pub(crate) fn opaque_pixel(
     table: &SplitTable,
-    found: &Found,
-    lane: usize,
+    sums: &SplitSums,
     flat: FlatThreshold,
 ) -> TwoColorPixel {
     let count = (table.side * table.side) as f32;
-    let (gain, energy) = (found.gain[lane], found.energy[lane]);
+    let (gain, energy) = (sums.gain, sums.energy);
     if flat.is_flat(gain, count) {
-        return TwoColorPixel::flat(
-            color_at(&found.mean, &found.sum_0, 0.0, lane),
-            1.0,
-            energy.max(0.0) / count,
-        );
+        return TwoColorPixel::flat(color_at(sums, 0.0), 1.0, energy.max(0.0) / count);
     }
-    let event = found.event[lane] as usize;
+    let event = sums.event as usize;
     let count_0 = f32::from(table.events[event].prefix);
     TwoColorPixel {
         line: Some(table.lines[event].into()),
         colors: [
-            color_at(&found.mean, &found.sum_0, 1.0 / count_0, lane),
-            color_at(&found.mean, &found.sum_0, -1.0 / (count - count_0), lane),
+            color_at(sums, 1.0 / count_0),
+            color_at(sums, -1.0 / (count - count_0)),
         ],
         alphas: [1.0; 2],
         error: (energy - gain).max(0.0) / count,
     }
 }
 
+/// The two-color pixel of a block whose pixels have weights.
 pub(crate) fn weighted_pixel(
     table: &SplitTable,
-    found: &FoundWeighted,
-    lane: usize,
+    sums: &SplitSums,
     flat: FlatThreshold,
 ) -> TwoColorPixel {
-    let FoundWeighted {
-        found,
-        weight,
-        inside,
-    } = found;
-    let (weight, weight_0) = (weight[0][lane], weight[1][lane]);
-    let (inside, inside_0) = (inside[0][lane], inside[1][lane]);
-    let (gain, energy) = (found.gain[lane], found.energy[lane]);
+    let [weight, weight_0] = sums.weights;
+    let [inside, inside_0] = sums.insides;
+    let (gain, energy) = (sums.gain, sums.energy);
     let share = |part: f32, whole: f32| {
         if whole > 0.0 {
             (part / whole).clamp(0.0, 1.0)
@@ -343,9 +331,8 @@ pub(crate) fn weighted_pixel(
         }
     };
     if flat.is_flat(gain, inside) {
-        let color = color_at(&found.mean, &found.sum_0, 0.0, lane);
         return TwoColorPixel::flat(
-            color,
+            color_at(sums, 0.0),
             share(weight, inside),
             energy.max(0.0) / inside.max(1.0),
         );
@@ -353,10 +340,10 @@ pub(crate) fn weighted_pixel(
     // a side without weight is invisible; it takes the mean color
     let scale = |weight: f32| if weight > 1e-6 { 1.0 / weight } else { 0.0 };
     TwoColorPixel {
-        line: Some(table.lines[found.event[lane] as usize].into()),
+        line: Some(table.lines[sums.event as usize].into()),
         colors: [
-            color_at(&found.mean, &found.sum_0, scale(weight_0), lane),
-            color_at(&found.mean, &found.sum_0, -scale(weight - weight_0), lane),
+            color_at(sums, scale(weight_0)),
+            color_at(sums, -scale(weight - weight_0)),
         ],
         alphas: [
             share(weight_0, inside_0),

@@ -22,6 +22,7 @@
 //! stores are the limit. The running sums drift by about 1e-6 of the block's contrast over the half turn (1e-5 in the worst
 //! blocks), so they choose the split, but its gain and colors are added up afresh.
 
+use crate::split_sums::SplitSums;
 use crate::split_table::{SECTORS, SplitTable};
 use fearless_simd::prelude::*;
 use std::ops::Range;
@@ -33,7 +34,7 @@ pub(crate) const MAX_LANES: usize = 16;
 pub(crate) const ALPHA_WEIGHT: f32 = 1.0;
 
 /// Weights below this count as nothing: less than half a step of 16-bit alpha.
-const NO_WEIGHT: f32 = 1.0 / 131_072.0;
+pub(crate) const NO_WEIGHT: f32 = 1.0 / 131_072.0;
 
 /// Results of the sweep, one entry per lane.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +49,20 @@ pub(crate) struct Found {
     pub mean: [[f32; MAX_LANES]; 3],
     /// The sum of the mean-free colors of side 0.
     pub sum_0: [[f32; MAX_LANES]; 3],
+}
+
+impl Found {
+    /// What was found for the block in one lane.
+    pub fn lane(&self, lane: usize) -> SplitSums {
+        SplitSums {
+            event: self.event[lane],
+            gain: self.gain[lane],
+            energy: self.energy[lane],
+            mean: self.mean.map(|values| values[lane]),
+            sum_0: self.sum_0.map(|values| values[lane]),
+            ..SplitSums::default()
+        }
+    }
 }
 
 /// The best split of each sector of angles, one entry a sector and lane.
@@ -294,6 +309,17 @@ pub(crate) struct FoundWeighted {
     pub weight: [[f32; MAX_LANES]; 2],
     /// The pixels inside the image, and those of side 0.
     pub inside: [[f32; MAX_LANES]; 2],
+}
+
+impl FoundWeighted {
+    /// What was found for the block in one lane.
+    pub fn lane(&self, lane: usize) -> SplitSums {
+        SplitSums {
+            weights: self.weight.map(|values| values[lane]),
+            insides: self.inside.map(|values| values[lane]),
+            ..self.found.lane(lane)
+        }
+    }
 }
 
 /// The sums of a batch of weighted blocks, and the gain that follows from them.

@@ -1,0 +1,307 @@
+//! The exact fit, one block a thread.
+//!
+//! ```text
+//! for each band of block rows, several in flight:
+//!     upload its pixels as they are in memory
+//!     fit the blocks that are opaque and whole, one a thread
+//!     fit those with transparency, or beyond the border, in a second run
+//!     lines and colors follow on the CPU, from the sums of the best split
+//! ```
+//!
+//! Guarantee: the field is that of [`TwoColorField::fit`], bit for bit, on every device that [`Gpu::open`] accepts, whether
+//! the device lasts or not. Cost: the sweep takes 10 operations a split, and 36 bytes of private memory; the pixels of the
+//! picture are read once.
+
+use crate::device::Gpu;
+use crate::error::{Failure, Stopped};
+use crate::plane::{MAX_PLANE_PIXELS, OklabPlanes};
+use crate::upload::GpuPixel;
+use crate::work::{Pending, Run, Words};
+use ravec_progress::Progress;
+use ravec_raster::Image;
+use ravec_twocolor::{
+    FitError, FitMethod, FitParams, MIN_FITTED_WEIGHT, SplitSums, SweepTable, TwoColorField,
+    TwoColorPixel,
+};
+use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Sides of blocks that are fitted on the device: in blocks of these sides the fits with and without weights agree to the bit,
+/// since the inverse of their number of pixels is exact.
+pub const FITTED_SIDES: [usize; 4] = [2, 4, 8, 16];
+
+/// Words that the kernels store for a block: see `fit.wgsl`.
+const WORDS: usize = 9;
+const WEIGHTED_WORDS: usize = 13;
+const NOT_FITTED: u32 = u32::MAX;
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::NoUninit)]
+struct Params {
+    zero: u32,
+    width: u32,
+    rows: u32,
+    columns_of_blocks: u32,
+    blocks: u32,
+    count: u32,
+    side: u32,
+    pixels: u32,
+    events: u32,
+}
+
+/// Buffers of the tables of a sweep, in the order of their bindings.
+pub(crate) struct SweepBuffers {
+    pub order: Arc<wgpu::Buffer>,
+    pub events: Arc<wgpu::Buffer>,
+    pub gain_weights: Arc<wgpu::Buffer>,
+    pub lines: Arc<wgpu::Buffer>,
+}
+
+impl SweepBuffers {
+    pub fn new(gpu: &Gpu, side: usize) -> Result<Self, Failure> {
+        let table = SweepTable::new(side);
+        let packed = |[prefix, pixel]: [u16; 2]| u32::from(prefix) | u32::from(pixel) << 16;
+        Ok(Self {
+            order: gpu.table(&format!("order {side}"), || {
+                table.initial_order().iter().map(|&pixel| u32::from(pixel)).collect()
+            })?,
+            events: gpu.table(&format!("events {side}"), || table.events().map(packed).collect())?,
+            gain_weights: gpu.table(&format!("weights {side}"), || table.gain_weights().to_vec())?,
+            lines: gpu.table(&format!("lines {side}"), || table.lines().collect())?,
+        })
+    }
+
+    /// The bindings of the sweep over opaque blocks.
+    pub fn opaque_bindings(&self) -> [(u32, &wgpu::Buffer); 4] {
+        [(3, &self.order), (4, &self.events), (5, &self.gain_weights), (6, &self.lines)]
+    }
+
+    /// The bindings of the sweep over blocks with weights, whose gains have no table.
+    pub fn weighted_bindings(&self) -> [(u32, &wgpu::Buffer); 3] {
+        [(3, &self.order), (4, &self.events), (6, &self.lines)]
+    }
+}
+
+/// The constants of a shader with a sweep.
+pub(crate) fn sweep_constants(side: usize) -> String {
+    format!(
+        "const SIDE: u32 = {side}u;\nconst MIN_WEIGHT: f32 = {MIN_FITTED_WEIGHT:e};"
+    )
+}
+
+/// The shader of the fit.
+const PARTS: [&str; 4] = [
+    include_str!("shaders/exact.wgsl"),
+    include_str!("shaders/sweep.wgsl"),
+    include_str!("shaders/weighted_sweep.wgsl"),
+    include_str!("shaders/fit.wgsl"),
+];
+
+/// The field of `image`: what [`TwoColorField::fit`] gives.
+///
+/// Blocks of [`FITTED_SIDES`] are fitted exactly on the device; other sides and methods on the CPU. If the device is lost or
+/// its memory exhausted, the CPU fits the rest, and [`Gpu::take_warnings`] says so.
+///
+/// # Errors
+/// As [`TwoColorField::fit`].
+pub fn fit<P: GpuPixel>(
+    gpu: &Gpu,
+    image: &Image<P>,
+    params: &FitParams,
+    progress: &Progress,
+) -> Result<TwoColorField, FitError> {
+    let is_exact = matches!(params.method, FitMethod::Auto | FitMethod::Exact);
+    if !is_exact || !FITTED_SIDES.contains(&params.block_px) || gpu.is_lost() {
+        return TwoColorField::fit(image, params, progress);
+    }
+    let grid = image.size().cells(params.block_px);
+    let mut blocks = Vec::with_capacity(grid.pixels());
+    let result = fit_bands(gpu, image, params, progress, &mut blocks);
+    match result {
+        Ok(()) => {}
+        Err(Stopped::Cancelled(cancelled)) => return Err(cancelled.into()),
+        Err(Stopped::Failed(failure)) => {
+            gpu.warn("the fit", &failure);
+            let done = blocks.len() / grid.width();
+            blocks.extend(TwoColorField::fit_some_rows(image, params, done..grid.height(), progress)?);
+        }
+    }
+    Ok(TwoColorField::from_blocks(image.size(), params.block_px, blocks))
+}
+
+/// Fits band after band and appends whole bands to `blocks`.
+fn fit_bands<P: GpuPixel>(
+    gpu: &Gpu,
+    image: &Image<P>,
+    params: &FitParams,
+    progress: &Progress,
+    blocks: &mut Vec<TwoColorPixel>,
+) -> Result<(), Stopped> {
+    let fitter = Fitter::new(gpu, image, params)?;
+    let grid = image.size().cells(params.block_px);
+    let phase = progress.phase("fit", grid.height() as u64);
+    let rows = fitter.block_rows_in_a_band();
+    let bands = (0..grid.height()).step_by(rows).map(|first| [first, (first + rows).min(grid.height())]);
+    // the plane of a band is kept for the blocks of its second run
+    let planes = std::cell::RefCell::new(std::collections::VecDeque::new());
+    let (_, result) = gpu.pipelined(
+        bands,
+        progress,
+        |[first, end]| {
+            let (plane, pending) = fitter.submit_opaque(first..end)?;
+            planes.borrow_mut().push_back(plane);
+            Ok(pending)
+        },
+        |[first, end], bytes| {
+            let plane = planes.borrow_mut().pop_front();
+            let plane = plane.ok_or_else(|| Failure::Refused("a band is missing".to_owned()))?;
+            blocks.extend(fitter.finish(&plane, first..end, bytes, progress)?);
+            phase.advance((end - first) as u64);
+            Ok(())
+        },
+    );
+    result
+}
+
+/// What all bands of a picture share.
+struct Fitter<'a, P> {
+    gpu: &'a Gpu,
+    image: &'a Image<P>,
+    side: usize,
+    flat_contrast: f32,
+    columns: usize,
+    planes: OklabPlanes,
+    sweep: SweepBuffers,
+    opaque: Arc<wgpu::ComputePipeline>,
+}
+
+impl<'a, P: GpuPixel> Fitter<'a, P> {
+    fn new(gpu: &'a Gpu, image: &'a Image<P>, params: &FitParams) -> Result<Self, Failure> {
+        let side = params.block_px;
+        Ok(Self {
+            gpu,
+            image,
+            side,
+            flat_contrast: params.flat_contrast,
+            columns: image.size().cells(side).width(),
+            planes: OklabPlanes::new::<P>(gpu)?,
+            sweep: SweepBuffers::new(gpu, side)?,
+            opaque: gpu.kernel("fit_opaque", &sweep_constants(side), &PARTS)?,
+        })
+    }
+
+    fn block_rows_in_a_band(&self) -> usize {
+        let row = self.columns * self.side * self.side;
+        (MAX_PLANE_PIXELS / row).max(1)
+    }
+
+    fn pixel_rows(&self, block_rows: &Range<usize>) -> Range<usize> {
+        block_rows.start * self.side..(block_rows.end * self.side).min(self.image.height())
+    }
+
+
+    fn params(&self, block_rows: &Range<usize>, count: usize) -> Result<wgpu::Buffer, Failure> {
+        self.gpu.uniform(&Params {
+            zero: 0,
+            width: self.image.width() as u32,
+            rows: self.pixel_rows(block_rows).len() as u32,
+            columns_of_blocks: self.columns as u32,
+            blocks: (self.columns * block_rows.len()) as u32,
+            count: count as u32,
+            side: self.side as u32,
+            pixels: (self.side * self.side) as u32,
+            events: SweepTable::new(self.side).events().len() as u32,
+        })
+    }
+
+    /// Starts the first run on a band, and gives the plane for a second one.
+    fn submit_opaque(&self, block_rows: Range<usize>) -> Result<(wgpu::Buffer, Pending), Failure> {
+        let plane = self.planes.prepare(self.gpu, self.image, self.pixel_rows(&block_rows), self.side)?;
+        let count = self.columns * block_rows.len();
+        let params = self.params(&block_rows, count)?;
+        let output = self.gpu.output(4 * WORDS * count)?;
+        let mut bindings = vec![(0, &params), (1, &plane.buffer), (7, &output)];
+        bindings.extend(self.sweep.opaque_bindings());
+        let run = Run {
+            kernel: &self.opaque,
+            bindings,
+            threads: count,
+        };
+        let pending = self.gpu.submit(&[plane.run(&self.planes), run], &output, 4 * WORDS * count)?;
+        Ok((plane.buffer, pending))
+    }
+
+    /// The pixels of a band, from what the first run found and a second one finds.
+    fn finish(
+        &self,
+        plane: &wgpu::Buffer,
+        block_rows: Range<usize>,
+        bytes: &[u8],
+        progress: &Progress,
+    ) -> Result<Vec<TwoColorPixel>, Stopped> {
+        let words = Words::new(bytes);
+        let count = self.columns * block_rows.len();
+        let rest: Vec<u32> =
+            (0..count as u32).filter(|&block| words.word(WORDS * block as usize) == NOT_FITTED).collect();
+        let mut pixels: Vec<TwoColorPixel> = (0..count)
+            .into_par_iter()
+            .map(|block| {
+                let sums = sums(&words, WORDS * block);
+                // blocks of the second run have no event yet
+                let sums = SplitSums { event: if sums.event == NOT_FITTED { 0 } else { sums.event }, ..sums };
+                sums.opaque_pixel(self.side, self.flat_contrast)
+            })
+            .collect();
+        if !rest.is_empty() {
+            let pending = self.submit_weighted(plane, &block_rows, &rest)?;
+            self.gpu.receive(pending, progress, |bytes| {
+                let words = Words::new(bytes);
+                for (index, &block) in rest.iter().enumerate() {
+                    let at = WEIGHTED_WORDS * index;
+                    let sums = SplitSums {
+                        weights: words.floats(at + WORDS),
+                        insides: words.floats(at + WORDS + 2),
+                        ..sums(&words, at)
+                    };
+                    pixels[block as usize] = sums.weighted_pixel(self.side, self.flat_contrast);
+                }
+            })?;
+        }
+        Ok(pixels)
+    }
+
+    fn submit_weighted(
+        &self,
+        plane: &wgpu::Buffer,
+        block_rows: &Range<usize>,
+        rest: &[u32],
+    ) -> Result<Pending, Failure> {
+        let kernel = self.gpu.kernel("fit_weighted", &sweep_constants(self.side), &PARTS)?;
+        let params = self.params(block_rows, rest.len())?;
+        let blocks = self.gpu.upload(bytemuck::cast_slice(rest), wgpu::BufferUsages::STORAGE)?;
+        let bytes = 4 * WEIGHTED_WORDS * rest.len();
+        let output = self.gpu.output(bytes)?;
+        let mut bindings =
+            vec![(0, &params), (1, plane), (7, &output), (8, &blocks)];
+        bindings.extend(self.sweep.weighted_bindings());
+        let run = Run {
+            kernel: &kernel,
+            bindings,
+            threads: rest.len(),
+        };
+        self.gpu.submit(&[run], &output, bytes)
+    }
+}
+
+fn sums(words: &Words<'_>, at: usize) -> SplitSums {
+    let [gain, energy] = words.floats(at + 1);
+    SplitSums {
+        event: words.word(at),
+        gain,
+        energy,
+        mean: words.floats(at + 3),
+        sum_0: words.floats(at + 6),
+        ..SplitSums::default()
+    }
+}

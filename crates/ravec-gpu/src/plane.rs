@@ -1,0 +1,98 @@
+//! Pictures as fits read them: Oklab times the weight, and the weight, as floats.
+
+use crate::device::Gpu;
+use crate::error::Failure;
+use crate::upload::{GpuPixel, source_constants};
+use crate::work::Run;
+use ravec_raster::Image;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Pixels of a plane: 64 MiB, half of the default limit of WebGPU for a binding. Enough to fill a large device a few times, and
+/// few enough that some planes of a large picture are in flight.
+pub(crate) const MAX_PLANE_PIXELS: usize = 4 << 20;
+
+/// Bytes of a pixel of a plane.
+pub(crate) const PLANE_PIXEL_BYTES: usize = 16;
+
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::NoUninit)]
+struct Params {
+    zero: u32,
+    count: u32,
+    width: u32,
+    side: u32,
+    columns_of_blocks: u32,
+    blocks: u32,
+}
+
+/// The conversion of pixels of one type to planes.
+pub(crate) struct OklabPlanes {
+    kernel: Arc<wgpu::ComputePipeline>,
+    light: Arc<wgpu::Buffer>,
+}
+
+/// A plane, and what its conversion reads.
+pub(crate) struct Plane {
+    pub buffer: wgpu::Buffer,
+    pub source: wgpu::Buffer,
+    params: wgpu::Buffer,
+    count: usize,
+}
+
+impl OklabPlanes {
+    pub fn new<P: GpuPixel>(gpu: &Gpu) -> Result<Self, Failure> {
+        let parts = [
+            include_str!("shaders/exact.wgsl"),
+            include_str!("shaders/color.wgsl"),
+            include_str!("shaders/source.wgsl"),
+            include_str!("shaders/oklab.wgsl"),
+        ];
+        Ok(Self {
+            kernel: gpu.kernel("oklab", &source_constants::<P>(), &parts)?,
+            light: gpu.light::<P>()?,
+        })
+    }
+
+    /// Uploads rows of a picture. Pixels are sorted by their place in blocks of `side` pixels; 1 keeps them in rows.
+    pub fn prepare<P: GpuPixel>(
+        &self,
+        gpu: &Gpu,
+        image: &Image<P>,
+        rows: Range<usize>,
+        side: usize,
+    ) -> Result<Plane, Failure> {
+        let count = image.width() * rows.len();
+        let columns = image.width().div_ceil(side);
+        let blocks = columns * rows.len().div_ceil(side);
+        Ok(Plane {
+            source: gpu.upload_rows(image, rows)?,
+            buffer: gpu.output(PLANE_PIXEL_BYTES * blocks * side * side)?,
+            params: gpu.uniform(&Params {
+                zero: 0,
+                count: count as u32,
+                width: image.width() as u32,
+                side: side as u32,
+                columns_of_blocks: columns as u32,
+                blocks: blocks as u32,
+            })?,
+            count,
+        })
+    }
+}
+
+impl Plane {
+    /// The run that fills the plane.
+    pub fn run<'a>(&'a self, planes: &'a OklabPlanes) -> Run<'a> {
+        Run {
+            kernel: &planes.kernel,
+            bindings: vec![
+                (0, &self.params),
+                (1, &self.source),
+                (2, &planes.light),
+                (3, &self.buffer),
+            ],
+            threads: self.count,
+        }
+    }
+}

@@ -1,0 +1,30 @@
+//! Kernels against their twins on the CPU, on the software driver for Vulkan (Debian's mesa-vulkan-drivers). Without it nothing
+//! is tested, and a line says so.
+
+mod fit;
+mod life;
+mod pictures;
+
+use ravec_gpu::{DeviceChoice, Gpu, GpuError, OpenOptions};
+use std::sync::OnceLock;
+
+/// The adapter of the tests: named, since software drivers are never taken otherwise.
+const ADAPTER: &str = "llvmpipe";
+
+/// A device of its own.
+fn open() -> Option<Gpu> {
+    match Gpu::open(&DeviceChoice::Named(ADAPTER.to_owned()), OpenOptions::default()) {
+        Ok(gpu) => gpu,
+        Err(GpuError::NoAdapter { .. }) => {
+            eprintln!("SKIPPED: no software driver for Vulkan; install mesa-vulkan-drivers");
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// The device that tests share.
+fn gpu() -> Option<&'static Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    GPU.get_or_init(open).as_ref()
+}
