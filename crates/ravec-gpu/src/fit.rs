@@ -14,7 +14,7 @@
 
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
-use crate::plane::{MAX_PLANE_PIXELS, OklabPlanes};
+use crate::plane::{MAX_PLANE_PIXELS, PlaneColor, Planes};
 use crate::upload::GpuPixel;
 use crate::work::{Pending, Run, Words};
 use ravec_progress::Progress;
@@ -171,7 +171,7 @@ struct Fitter<'a, P> {
     side: usize,
     flat_contrast: f32,
     columns: usize,
-    planes: OklabPlanes,
+    planes: Planes,
     sweep: SweepBuffers,
     opaque: Arc<wgpu::ComputePipeline>,
 }
@@ -185,7 +185,7 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
             side,
             flat_contrast: params.flat_contrast,
             columns: image.size().cells(side).width(),
-            planes: OklabPlanes::new::<P>(gpu)?,
+            planes: Planes::new::<P>(gpu, PlaneColor::Oklab)?,
             sweep: SweepBuffers::new(gpu, side)?,
             opaque: gpu.kernel("fit_opaque", &sweep_constants(side), &PARTS)?,
         })

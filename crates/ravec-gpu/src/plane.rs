@@ -1,4 +1,4 @@
-//! Pictures as fits read them: Oklab times the weight, and the weight, as floats.
+//! Pictures as fits and refinements read them: colors and the weight, as floats.
 
 use crate::device::Gpu;
 use crate::error::Failure;
@@ -26,8 +26,17 @@ struct Params {
     blocks: u32,
 }
 
+/// Colors of a plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum PlaneColor {
+    /// Oklab times the weight; what is not a number has no weight.
+    Oklab,
+    /// Linear light as it is.
+    Linear,
+}
+
 /// The conversion of pixels of one type to planes.
-pub(crate) struct OklabPlanes {
+pub(crate) struct Planes {
     kernel: Arc<wgpu::ComputePipeline>,
     light: Arc<wgpu::Buffer>,
 }
@@ -40,16 +49,18 @@ pub(crate) struct Plane {
     count: usize,
 }
 
-impl OklabPlanes {
-    pub fn new<P: GpuPixel>(gpu: &Gpu) -> Result<Self, Failure> {
+impl Planes {
+    pub fn new<P: GpuPixel>(gpu: &Gpu, color: PlaneColor) -> Result<Self, Failure> {
         let parts = [
             include_str!("shaders/exact.wgsl"),
             include_str!("shaders/color.wgsl"),
             include_str!("shaders/source.wgsl"),
             include_str!("shaders/oklab.wgsl"),
         ];
+        let is_linear = color == PlaneColor::Linear;
+        let constants = format!("{}\nconst LINEAR_PLANE: bool = {is_linear};", source_constants::<P>());
         Ok(Self {
-            kernel: gpu.kernel("oklab", &source_constants::<P>(), &parts)?,
+            kernel: gpu.kernel("fill_plane", &constants, &parts)?,
             light: gpu.light::<P>()?,
         })
     }
@@ -83,7 +94,7 @@ impl OklabPlanes {
 
 impl Plane {
     /// The run that fills the plane.
-    pub fn run<'a>(&'a self, planes: &'a OklabPlanes) -> Run<'a> {
+    pub fn run<'a>(&'a self, planes: &'a Planes) -> Run<'a> {
         Run {
             kernel: &planes.kernel,
             bindings: vec![

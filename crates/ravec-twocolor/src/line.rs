@@ -86,7 +86,7 @@ pub(crate) fn coverage(normal: DVec2, u: f64) -> f64 {
 pub(crate) fn coverage_gradient(normal: DVec2, u: f64) -> (f64, f64) {
     let (a, b) = (normal.x.abs(), normal.y.abs());
     if a.min(b) < PARALLEL {
-        return (f64::from(u.abs() < 0.5), 0.0);
+        return (f64::from(u.abs() < 0.5 + BORDER), 0.0);
     }
     let (sum, difference) = (0.5 * (a + b), 0.5 * (a - b));
     if u.abs() >= sum {
@@ -110,6 +110,10 @@ pub(crate) fn coverage_gradient(normal: DVec2, u: f64) -> (f64, f64) {
 /// Below this component of the unit normal the line counts as parallel to a pixel side. The general form divides by
 /// the product of both components and would lose digits; the error of the parallel form is a quarter of this.
 const PARALLEL: f64 = 1e-4;
+
+/// A line along the border of pixels touches those on both sides: within this distance they count as crossed, so that the
+/// derivatives do not depend on how `u` is rounded.
+const BORDER: f64 = 1e-5;
 
 #[cfg(test)]
 mod tests {

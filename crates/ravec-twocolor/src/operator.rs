@@ -20,7 +20,7 @@ use crate::filter_error::FilterError;
 use crate::pointwise::{Sides, apply, mixed};
 use crate::stamp::stamp;
 use ravec_progress::Progress;
-use ravec_raster::{Color, Image, LinearRgba, Rect};
+use ravec_raster::{Color, Image, LinearRgba, Rect, Size};
 
 /// Modes of the operator.
 #[derive(
@@ -79,7 +79,11 @@ impl Default for OperatorParams {
 const MAX_ITERATIONS: u32 = 16;
 
 impl OperatorParams {
-    pub(crate) fn check(&self) -> Result<(), FilterError> {
+    /// Refuses parameters out of range.
+    ///
+    /// # Errors
+    /// [`FilterError`] for the first of them.
+    pub fn check(&self) -> Result<(), FilterError> {
         if !(3..32).contains(&self.window_px) || self.window_px.is_multiple_of(2) {
             return Err(FilterError::Window {
                 got: self.window_px,
@@ -97,11 +101,38 @@ impl OperatorParams {
         Ok(())
     }
 
-    pub(crate) fn window(&self) -> WindowParams {
+    /// The windows of the modes that have one around each pixel.
+    pub fn window(&self) -> WindowParams {
         WindowParams {
             window_px: self.window_px,
             ..WindowParams::default()
         }
+    }
+
+    /// The region of each iteration on an image of `size`; the last is `region`, clipped to the image. Each holds what the
+    /// windows of the next one reach.
+    ///
+    /// # Errors
+    /// [`FilterError::EmptyRegion`] if the region has no pixel of the image.
+    pub fn regions(&self, region: Rect, size: Size) -> Result<Vec<Rect>, FilterError> {
+        let whole = Rect::of(size);
+        let region = region.intersection(whole);
+        if region.is_empty() {
+            return Err(FilterError::EmptyRegion);
+        }
+        let rounds = if self.mode == Mode::Stamp {
+            1
+        } else {
+            self.iterations as usize
+        };
+        let around = |rounds_left: usize| {
+            match self.mode {
+                Mode::Clean if rounds_left > 0 => on_clean_grid(region, rounds_left),
+                _ => grown(region, self.window_px / 2 * rounds_left),
+            }
+            .intersection(whole)
+        };
+        Ok((0..rounds).rev().map(around).collect())
     }
 }
 
@@ -145,27 +176,10 @@ pub(crate) fn operate_with<P: Color>(
     noise: Option<&NoiseLevel>,
     progress: &Progress,
 ) -> Result<Image<LinearRgba>, FilterError> {
-    let whole = Rect::of(image.size());
-    let region = region.intersection(whole);
-    let size = region.size().ok_or(FilterError::EmptyRegion)?;
-    let rounds = if params.mode == Mode::Stamp {
-        1
-    } else {
-        params.iterations as usize
-    };
-    // each iteration reads as far around its region as its windows reach
-    let around = |round: usize| {
-        let rounds_left = rounds - 1 - round;
-        match params.mode {
-            Mode::Clean if rounds_left > 0 => on_clean_grid(region, rounds_left),
-            _ => grown(region, params.window_px / 2 * rounds_left),
-        }
-        .intersection(whole)
-    };
-    let mut at = around(0);
+    let mut regions = params.regions(region, image.size())?.into_iter();
+    let mut at = regions.next().ok_or(FilterError::EmptyRegion)?;
     let mut current = step(image, at, params, noise, progress)?;
-    for round in 1..rounds {
-        let next = around(round);
+    for next in regions {
         let inner = Rect::new(
             next.col - at.col,
             next.row - at.row,
@@ -174,11 +188,6 @@ pub(crate) fn operate_with<P: Color>(
         );
         current = step(&current, inner, params, noise, progress)?;
         at = next;
-    }
-    if at != region {
-        current = current
-            .crop(region.col - at.col, region.row - at.row, size)
-            .map_err(|_| FilterError::EmptyRegion)?;
     }
     Ok(current)
 }

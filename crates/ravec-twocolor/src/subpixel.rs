@@ -36,6 +36,10 @@ const HALVINGS: usize = 4;
 /// angle; ten times as much slows the first step.
 const DAMPING: f64 = 1e-3;
 
+/// Least share of the error that a step must take away. A line of which the block sees one side in a single row can be moved at
+/// will; it stays where it is.
+const MIN_IMPROVEMENT: f64 = 1e-5;
+
 /// Side areas below this, in pixels, are noise: the line keeps at least as much of the block on each side.
 const MIN_SIDE_AREA: f64 = 0.75;
 
@@ -182,7 +186,7 @@ fn refine(line: Line, block: &[Member]) -> Option<Model> {
         let better = (0..HALVINGS).find_map(|_| {
             let trial = Model::fit(best.moved(scale * turn, scale * shift), block);
             scale *= 0.5;
-            trial.filter(|trial| trial.error < best.error)
+            trial.filter(|trial| trial.error < best.error * (1.0 - MIN_IMPROVEMENT))
         });
         match better {
             Some(model) => best = model,

@@ -1,9 +1,12 @@
 //! Kernels against their twins on the CPU, on the software driver for Vulkan (Debian's mesa-vulkan-drivers). Without it nothing
 //! is tested, and a line says so.
 
+mod dense;
 mod fit;
 mod life;
 mod pictures;
+mod refine;
+mod render;
 
 use ravec_gpu::{DeviceChoice, Gpu, GpuError, OpenOptions};
 use std::sync::OnceLock;
