@@ -10,7 +10,7 @@ use ravec::memory::MemoryBudget;
 use ravec::progress::Progress;
 use ravec_demo::Demo;
 use ravec_jobs::recipe::Run;
-use ravec_jobs::{AnyOperation, Context, Limits, Recipe, Step};
+use ravec_jobs::{AnyOperation, Context, Device, Limits, Recipe, Step};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -192,6 +192,10 @@ pub struct Global {
     /// Number of threads, 1 to 1024 [default: all cores]. The result does not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
+    /// Device for two-color pixels and warps: `cpu`, `gpu` for a hardware adapter, `auto` for one if there is one, or part of the
+    /// name of an adapter. Other operations run on the CPU
+    #[arg(long, global = true, value_name = "DEVICE", default_value = "cpu")]
+    pub device: String,
     /// Maximum number of pixels of a picture, read or written; `k`, `M` and `G` multiply by powers of 1000
     #[arg(long, global = true, value_name = "COUNT", value_parser = count,
         default_value_t = Limits::default().max_pixels)]
@@ -243,7 +247,7 @@ impl Global {
     }
 
     /// The surroundings of a run, with a new memory budget.
-    pub fn context(&self, progress: &Progress) -> Context {
+    pub fn context(&self, device: Device, progress: &Progress) -> Context {
         let memory = self
             .max_bytes
             .map_or_else(MemoryBudget::default, MemoryBudget::new);
@@ -256,6 +260,7 @@ impl Global {
         context.max_vertices = self.max_vertices;
         context.max_frames = self.max_frames;
         context.side_outputs = self.side_outputs();
+        context.device = device;
         context
     }
 }

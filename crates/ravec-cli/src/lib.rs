@@ -35,7 +35,7 @@ use arguments::{Arguments, Command, Global, Other};
 use exit::Failure;
 use flags::Flags;
 use ravec::progress::Progress;
-use ravec_jobs::{
+use ravec_jobs::{Device, 
     AnyOperation, JobError, Recipe, Report, check_files, check_folder, escape_except, write_text,
 };
 use std::ffi::OsString;
@@ -127,8 +127,12 @@ fn run_operation(
     let mut outputs = operation.outputs();
     outputs.extend(side_outputs.iter().map(PathBuf::as_path));
     check_files(&inputs, &outputs).map_err(failed)?;
+    let device = Device::open(&global.device).map_err(failed)?;
+    if let Some(adapter) = device.adapter() {
+        tracing::info!(adapter, "device");
+    }
     let report = perform(global, &flags, |progress| {
-        operation.run(&global.context(progress))
+        operation.run(&global.context(device, progress))
     })?;
     if let (Some(path), Some(recipe)) = (&global.recipe, recipe) {
         let text = recipe.to_json().map_err(|error| {

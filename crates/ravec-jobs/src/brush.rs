@@ -12,11 +12,10 @@ use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
-use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, Srgb, with_image};
 use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
 use ravec::twocolor::{
-    CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise, operate,
+    CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise,
 };
 use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
@@ -420,7 +419,7 @@ impl Operation for Brush {
                 let strokes = strokes::read(path, size, params, context)?;
                 self.paint(&strokes, &picture, &mut report, context)?
             }
-            (None, None) => everywhere(&picture.image, params, &mut report, &context.progress)?,
+            (None, None) => everywhere(&picture.image, params, &mut report, context)?,
         };
         let options = WriteOptions {
             quality: params.quality,
@@ -459,7 +458,7 @@ impl Brush {
             context,
             size,
             |image, report, context| {
-                let result = everywhere(image, params, report, &context.progress)?;
+                let result = everywhere(image, params, report, context)?;
                 Ok(image.like(&result))
             },
         )?;
@@ -515,8 +514,9 @@ fn everywhere(
     image: &AnyImage,
     params: &Params,
     report: &mut Report,
-    progress: &Progress,
+    context: &Context,
 ) -> Result<Image<LinearRgba>, JobError> {
+    let progress = &context.progress;
     let whole = Rect::of(image.size());
     if params.scale != 1.0 {
         let window = WindowParams {
@@ -556,9 +556,9 @@ fn everywhere(
     } else if let (Mode::Clean, Some(sigma)) = (operator.mode, operator.noise_sigma) {
         report.figures.insert("noise_sigma_steps", f64::from(sigma));
     }
-    report.time("operate", || {
-        Ok(with_image!(image, image => operate(image, whole, &operator, progress))?)
-    })
+    let operated = report.time("operate", || context.device.operate(image, whole, &operator, progress))?;
+    context.device.report_warnings(report);
+    Ok(operated)
 }
 
 /// The selection as gray; black where there was no mask stroke.

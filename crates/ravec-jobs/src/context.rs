@@ -1,5 +1,6 @@
 //! Surroundings of a run: progress, limits, and intermediate results in memory or, for clips, in files without a name.
 
+use crate::device::Device;
 use crate::error::JobError;
 use crate::files;
 use ravec::mesh_io::{MeshFile, MeshLimits};
@@ -27,6 +28,8 @@ pub struct Context {
     /// Files that the caller writes after the run, such as the report. Operations on catalogues refuse those that would replace
     /// a photo.
     pub side_outputs: Vec<PathBuf>,
+    /// The device that computes two-color pixels and warps (default: the CPU).
+    pub device: Device,
     /// Other processes that run pieces of operations that can be divided: `offset` and `mosaic`.
     pub cluster: Option<Arc<Cluster>>,
     /// Intermediate results by name, in a recipe.
@@ -51,6 +54,7 @@ impl Context {
             max_vertices: meshes.max_vertices,
             max_frames: VideoLimits::default().max_frames,
             side_outputs: Vec::new(),
+            device: Device::default(),
             cluster: None,
             intermediates: None,
         }

@@ -67,6 +67,12 @@ pub enum JobError {
         remedy: &'static str,
     },
     /// Two meshes of an expression have the same name.
+    #[error("{cause}")]
+    Device {
+        /// What is wrong, and what to do.
+        cause: String,
+    },
+    /// Two meshes of an expression have the same name.
     #[error("two meshes are named {name}: give each its own name")]
     NameTwice {
         /// The name.

@@ -33,6 +33,7 @@ pub mod compare;
 pub mod complete;
 mod context;
 mod corners;
+mod device;
 mod error;
 mod files;
 mod frame_mark;
@@ -60,6 +61,7 @@ pub mod twocolor;
 pub mod video;
 
 pub use context::Context;
+pub use device::Device;
 pub use error::{ErrorKind, JobError};
 pub use files::{
     check_files, check_folder, make_folder, read as read_picture, write_output_text, write_text,

@@ -9,11 +9,10 @@ use crate::files;
 use crate::operation::Operation;
 use crate::report::Report;
 use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
-use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba, Size, psnr_db, with_image};
 use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
-    TwoColorField, render, render_mosaic, render_to, write_svg,
+    TwoColorField, render_mosaic, render_to, write_svg,
 };
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
@@ -302,14 +301,15 @@ fn fitted(
     };
     let mut field = report.time(
         "fit",
-        || with_image!(image, image => TwoColorField::fit(image, &fit, progress)),
+        || context.device.fit(image, &fit, progress),
     )?;
     if !params.whole_pixels {
         report.time(
             "refine",
-            || with_image!(image, image => field.refine_lines(image, progress)),
+            || context.device.refine_lines(&mut field, image, progress),
         )?;
     }
+    context.device.report_warnings(report);
     Ok(Fitted::Regular(field))
 }
 
@@ -378,7 +378,7 @@ impl TwoColor {
     /// Draws, writes and measures.
     fn deliver(
         &self,
-        field: &impl BlockField,
+        field: &impl Draw,
         picture: &ravec_media::Picture,
         report: &mut Report,
         context: &Context,
@@ -386,7 +386,7 @@ impl TwoColor {
         let params = &self.params;
         record_blocks(field, report);
         if let Some(path) = &self.output {
-            let image = report.time("render", || draw(field, params, &context.progress))?;
+            let image = draw(field, params, report, context)?;
             // there is none at another scale
             if let Ok(psnr) = with_image!(&picture.image, input => psnr_db(input, &image)) {
                 report.figures.insert("psnr_db", psnr);
@@ -407,41 +407,70 @@ impl TwoColor {
 
 /// Draws and measures a frame.
 fn drawn_frame(
-    field: &impl BlockField,
+    field: &impl Draw,
     image: &AnyImage,
     params: &Params,
     report: &mut Report,
     context: &Context,
 ) -> Result<Image<LinearRgba>, JobError> {
     record_blocks(field, report);
-    let drawn = draw(field, params, &context.progress)?;
+    let drawn = draw(field, params, report, context)?;
     if let Ok(psnr) = with_image!(image, input => psnr_db(input, &drawn)) {
         report.figures.insert("psnr_db", psnr);
     }
     Ok(drawn)
 }
 
+/// A field that is drawn by the device of the run.
+trait Draw: BlockField {
+    /// Draws the field so that it fills `size`, or its plain mosaic.
+    fn draw(
+        &self,
+        size: Size,
+        mosaic: bool,
+        context: &Context,
+    ) -> Result<Image<LinearRgba>, JobError>;
+}
+
+impl Draw for TwoColorField {
+    fn draw(
+        &self,
+        size: Size,
+        mosaic: bool,
+        context: &Context,
+    ) -> Result<Image<LinearRgba>, JobError> {
+        if mosaic {
+            return context.device.render_mosaic(self, size, &context.progress);
+        }
+        context.device.render_to(self, size, &context.progress)
+    }
+}
+
+/// Blocks of several sizes are drawn by the CPU.
+impl Draw for AdaptiveField {
+    fn draw(
+        &self,
+        size: Size,
+        mosaic: bool,
+        context: &Context,
+    ) -> Result<Image<LinearRgba>, JobError> {
+        if mosaic {
+            return Ok(render_mosaic(self, size, &context.progress)?);
+        }
+        Ok(render_to(self, size, &context.progress)?)
+    }
+}
+
 fn draw(
-    field: &impl BlockField,
+    field: &impl Draw,
     params: &Params,
-    progress: &Progress,
+    report: &mut Report,
+    context: &Context,
 ) -> Result<Image<LinearRgba>, JobError> {
-    if params.mosaic {
-        let size = field.image_size();
-        let side = |pixels: usize| (pixels as f64 * params.scale).round().max(1.0) as usize;
-        let size = Size::new(side(size.width()), side(size.height())).map_err(|_| {
-            JobError::Parameter {
-                field: "scale",
-                value: params.scale.to_string(),
-                range: "small enough for a picture",
-            }
-        })?;
-        return Ok(render_mosaic(field, size, progress)?);
-    }
-    if params.scale == 1.0 {
-        return Ok(render_to(field, field.image_size(), progress)?);
-    }
-    Ok(render(field, params.scale, progress)?)
+    let size = params.output_size(field.image_size(), u64::MAX)?;
+    let drawn = report.time("render", || field.draw(size, params.mosaic, context))?;
+    context.device.report_warnings(report);
+    Ok(drawn)
 }
 
 fn write_drawing(

@@ -87,4 +87,4 @@ mod warp;
 pub use deformation::{Deformation, GridLine, SolveSummary};
 pub use params::{Borders, RetargetError, RetargetParams};
 pub use retargeter::{AnalysisSummary, Painted, Retargeter};
-pub use warp::WarpFilter;
+pub use warp::{WarpCell, WarpFilter, WarpPlan, WarpSpan};

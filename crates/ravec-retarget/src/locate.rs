@@ -10,6 +10,7 @@
 //! Cost: a square root and two divisions a pixel, four pixels at a time.
 
 use crate::deformation::Deformation;
+use crate::warp::WarpCell;
 use fearless_simd::{f64x4, prelude::*};
 use glam::{DVec2, dvec2};
 
@@ -179,6 +180,22 @@ impl CellInverse {
             (within(u) * self.extent.x + self.first.x).store_slice(xs);
             (within(v) * self.extent.y + self.first.y).store_slice(ys);
             x += TOGETHER as f64;
+        }
+    }
+
+    /// First corner of the cell in the new picture.
+    pub(crate) fn corner(&self) -> DVec2 {
+        self.a
+    }
+
+    /// The cell as data.
+    pub(crate) fn cell(&self) -> WarpCell {
+        WarpCell {
+            e: self.e,
+            f: self.f,
+            g: self.g,
+            first: self.first,
+            extent: self.extent,
         }
     }
 

@@ -24,7 +24,10 @@ use rayon::prelude::*;
 use window::Window;
 
 mod cubic;
+mod plan;
 mod window;
+
+pub use plan::{WarpCell, WarpPlan, WarpSpan};
 
 /// Filter of the resampling.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -140,6 +143,21 @@ struct Span {
     /// the next.
     width: DVec2,
     step: DVec2,
+}
+
+impl Span {
+    /// A span with the footprints of its first and its last pixel.
+    #[inline(always)]
+    fn between(row: usize, first: usize, count: usize, footprints: [DVec2; 2]) -> Self {
+        let [width, last] = footprints.map(|footprint| footprint.max(DVec2::ONE));
+        Self {
+            row,
+            first,
+            count,
+            width,
+            step: (last - width) / ((count - 1).max(1)) as f64,
+        }
+    }
 }
 
 /// Memory that is used again from tile to tile.
@@ -285,15 +303,8 @@ fn locate_columns<S: Simd>(
             xs.truncate(start + count);
             ys.truncate(start + count);
             // what is seen changes little within a cell: along the row it is interpolated
-            let [width, last] = [start, start + count - 1]
-                .map(|at| inverse.footprint(dvec2(xs[at], ys[at])).max(DVec2::ONE));
-            spans.push(Span {
-                row,
-                first: from,
-                count,
-                width,
-                step: (last - width) / ((count - 1).max(1)) as f64,
-            });
+            let ends = [start, start + count - 1].map(|at| inverse.footprint(dvec2(xs[at], ys[at])));
+            spans.push(Span::between(row, from, count, ends));
         }
     }
 }

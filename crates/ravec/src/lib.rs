@@ -223,6 +223,8 @@
 
 pub use ravec_boolean as boolean;
 pub use ravec_completion as completion;
+#[cfg(feature = "gpu")]
+pub use ravec_gpu as gpu;
 pub use ravec_matting as matting;
 pub use ravec_memory as memory;
 pub use ravec_mesh as mesh;

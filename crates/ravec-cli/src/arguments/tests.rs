@@ -160,7 +160,7 @@ fn flags_left_out_give_the_default_parameters() {
         assert_eq!(sparse, step, "{line}");
     }
     let global = parsed("ravec compare a b").global;
-    let context = global.context(&Progress::none());
+    let context = global.context(Device::default(), &Progress::none());
     let default = Context::default();
     assert_eq!(context.limits, default.limits);
     assert_eq!(context.mesh_limits(), default.mesh_limits());

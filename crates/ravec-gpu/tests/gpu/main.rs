@@ -3,6 +3,7 @@
 
 mod dense;
 mod fit;
+mod grid_warp;
 mod life;
 mod pictures;
 mod refine;

@@ -80,6 +80,7 @@ impl JobError {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::Parameter { .. }
+            | Self::Device { .. }
             | Self::Missing { .. }
             | Self::ResultSize { .. }
             | Self::NameTwice { .. }

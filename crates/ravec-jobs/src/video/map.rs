@@ -106,6 +106,11 @@ pub(crate) fn map_clip<O: Operation>(
         context.progress.check()?;
         let mut own = Report::new(O::NAME, &());
         let image = change(&frame.picture.to_image(), &mut own, &inner)?;
+        for warning in own.warnings {
+            if !report.warnings.contains(&warning) {
+                report.warnings.push(warning);
+            }
+        }
         for (name, figure) in own.figures {
             let sum = sums.entry(name).or_default();
             *sum = (sum.0 + figure, sum.1 + 1);

@@ -1,0 +1,157 @@
+//! The device that computes two-color pixels and warps: the CPU, or a GPU beside it.
+//!
+//! Functions here have the names and results of their twins on the CPU. Fits are the same bits on all devices; the rest differs
+//! within the bounds that `ravec::gpu` states, so that files written with a GPU may differ in the last bit of a sample.
+
+use crate::error::JobError;
+use crate::report::Report;
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, with_image};
+use ravec::twocolor::{
+    FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate, render_mosaic, render_to,
+};
+
+#[cfg(feature = "gpu")]
+use ravec::gpu::{self, DeviceChoice, Gpu, OpenOptions, RenderStyle};
+#[cfg(feature = "gpu")]
+use std::sync::Arc;
+
+/// The device of a run: the CPU (default), or a GPU. Clones share it.
+#[derive(Debug, Clone, Default)]
+pub struct Device {
+    #[cfg(feature = "gpu")]
+    gpu: Option<Arc<Gpu>>,
+}
+
+impl Device {
+    /// Opens a device: `cpu`, `gpu` for a hardware adapter, `auto` for a hardware adapter if there is one and else the CPU, or
+    /// part of an adapter's name.
+    ///
+    /// # Errors
+    /// [`JobError::Device`] if there is no such device, if it cannot be used, or if this program has no support for GPUs.
+    #[cfg(feature = "gpu")]
+    pub fn open(name: &str) -> Result<Self, JobError> {
+        let failed = |cause: String| JobError::Device { cause };
+        let choice: DeviceChoice = name.parse().map_err(failed)?;
+        let gpu = Gpu::open(&choice, OpenOptions::default()).map_err(|error| failed(error.to_string()))?;
+        Ok(Self {
+            gpu: gpu.map(Arc::new),
+        })
+    }
+
+    /// Opens a device: `cpu` or `auto`, which is the CPU. This program has no support for GPUs.
+    ///
+    /// # Errors
+    /// [`JobError::Device`] for others.
+    #[cfg(not(feature = "gpu"))]
+    pub fn open(name: &str) -> Result<Self, JobError> {
+        match name {
+            "cpu" | "auto" => Ok(Self::default()),
+            _ => Err(JobError::Device {
+                cause: format!(
+                    "cannot use the device `{name}`: this program was built without support for GPUs; build it with `--features gpu`, or choose `cpu`"
+                ),
+            }),
+        }
+    }
+
+    /// The adapter with its driver; nothing for the CPU.
+    pub fn adapter(&self) -> Option<String> {
+        #[cfg(feature = "gpu")]
+        return self.gpu.as_ref().map(|gpu| gpu.adapter().to_string());
+        #[cfg(not(feature = "gpu"))]
+        None
+    }
+
+    /// Records what the CPU had to do instead of the device.
+    pub(crate) fn report_warnings(&self, report: &mut Report) {
+        #[cfg(feature = "gpu")]
+        for warning in self.gpu.iter().flat_map(|gpu| gpu.take_warnings()) {
+            report.warn(warning);
+        }
+        #[cfg(not(feature = "gpu"))]
+        let _ = report;
+    }
+
+    pub(crate) fn fit(
+        &self,
+        image: &AnyImage,
+        params: &FitParams,
+        progress: &Progress,
+    ) -> Result<TwoColorField, FitError> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return with_image!(image, image => gpu::fit(gpu, image, params, progress));
+        }
+        with_image!(image, image => TwoColorField::fit(image, params, progress))
+    }
+
+    pub(crate) fn refine_lines(
+        &self,
+        field: &mut TwoColorField,
+        image: &AnyImage,
+        progress: &Progress,
+    ) -> Result<(), JobError> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return Ok(with_image!(image, image => gpu::refine_lines(gpu, field, image, progress))?);
+        }
+        Ok(with_image!(image, image => field.refine_lines(image, progress))?)
+    }
+
+    pub(crate) fn render_to(
+        &self,
+        field: &TwoColorField,
+        size: Size,
+        progress: &Progress,
+    ) -> Result<Image<LinearRgba>, JobError> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return Ok(gpu::render_field(gpu, field, size, RenderStyle::TwoColors, progress)?);
+        }
+        Ok(render_to(field, size, progress)?)
+    }
+
+    pub(crate) fn render_mosaic(
+        &self,
+        field: &TwoColorField,
+        size: Size,
+        progress: &Progress,
+    ) -> Result<Image<LinearRgba>, JobError> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return Ok(gpu::render_field(gpu, field, size, RenderStyle::Mosaic, progress)?);
+        }
+        Ok(render_mosaic(field, size, progress)?)
+    }
+
+    pub(crate) fn operate(
+        &self,
+        image: &AnyImage,
+        region: Rect,
+        params: &OperatorParams,
+        progress: &Progress,
+    ) -> Result<Image<LinearRgba>, FilterError> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return with_image!(image, image => gpu::operate_on(gpu, image, region, params, progress));
+        }
+        with_image!(image, image => operate(image, region, params, progress))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ErrorKind;
+
+    #[test]
+    fn the_cpu_is_always_there_and_unknown_adapters_never() {
+        assert_eq!(Device::open("cpu").unwrap().adapter(), None);
+        for name in ["no such adapter", ""] {
+            let error = Device::open(name).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Request);
+            assert!(error.to_string().contains("cpu"), "{error}");
+        }
+    }
+}
