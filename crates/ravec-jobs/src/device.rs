@@ -7,6 +7,7 @@ use crate::error::JobError;
 use crate::report::Report;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, with_image};
+use ravec::retarget::{Deformation, RetargetError};
 use ravec::twocolor::{
     FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate, render_mosaic, render_to,
 };
@@ -123,6 +124,19 @@ impl Device {
             return Ok(gpu::render_field(gpu, field, size, RenderStyle::Mosaic, progress)?);
         }
         Ok(render_mosaic(field, size, progress)?)
+    }
+
+    pub(crate) fn warp(
+        &self,
+        deformation: &Deformation,
+        image: &AnyImage,
+        progress: &Progress,
+    ) -> Result<AnyImage, RetargetError> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return with_image!(image, image => Ok(gpu::warp_deformed(gpu, deformation, image, progress)?.into()));
+        }
+        with_image!(image, image => Ok(deformation.warp(image, progress)?.into()))
     }
 
     pub(crate) fn operate(

@@ -99,6 +99,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
         report.warn(format!("{}: {text}", input.display()));
     }
     run.outputs.finish(&mut report)?;
+    context.device.report_warnings(&mut report);
     report.add_time("frames", start);
     record(run.retargeter.report(), &mut report);
     Ok(report)
@@ -296,11 +297,12 @@ impl Outputs {
                 }
                 continue;
             }
-            let image = settled
-                .warp(target, &context.progress)
+            let deformation = &settled.deformations[target];
+            let image = context
+                .device
+                .warp(deformation, &settled.image, &context.progress)
                 .map_err(|cause| JobError::from_retargeting(Path::new(""), cause))?;
             if let Some(grid) = &mut grid {
-                let deformation = &settled.deformations[target];
                 let drawn = image.like(&with_grid(deformation, image.convert::<LinearRgba>()));
                 grid.write(framed(drawn, time), report)?;
             }

@@ -15,8 +15,7 @@ use crate::pixel_centers::PixelCenters;
 use crate::plane::{draw_line, line_width};
 use crate::report::Report;
 use crate::video::{Encoding, check_no_encoding, is_clip};
-use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Mask, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Image, LinearRgba, Mask, Size, Srgba, with_image};
 use ravec::retarget::{
     AnalysisSummary, Borders, Deformation, Painted, RetargetError, RetargetParams, Retargeter,
     SolveSummary,
@@ -407,9 +406,10 @@ impl Retarget {
         let image: AnyImage = report
             .time(
                 "warp",
-                || with_image!(&picture.image, image => warped(deformation, image, &context.progress)),
+                || context.device.warp(deformation, &picture.image, &context.progress),
             )
             .map_err(|cause| JobError::from_retargeting(&self.input, cause))?;
+        context.device.report_warnings(report);
         if let Some(path) = &self.show_grid {
             show_grid(&named(path, size), deformation, &image, report, context)?;
         }
@@ -447,17 +447,6 @@ fn record(report: &mut Report, analysis: &AnalysisSummary, solved: &[SolveSummar
         report.figures.insert(name, value);
     }
     report.result = serde_json::to_value(solved).ok();
-}
-
-fn warped<P: Color>(
-    deformation: &Deformation,
-    image: &Image<P>,
-    progress: &Progress,
-) -> Result<AnyImage, RetargetError>
-where
-    AnyImage: From<Image<P>>,
-{
-    Ok(deformation.warp(image, progress)?.into())
 }
 
 /// Writes the grid, over the new picture or as a drawing.
