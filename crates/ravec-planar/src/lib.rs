@@ -95,7 +95,7 @@ pub use rectify::{
 pub use robust::{RobustFit, RobustParams, estimate_robust};
 pub use snap::{SnapError, SnapParams, Snapped, snap, snap_counting};
 pub use vanishing::{VanishingPoint, focal_from_right_angles, vanishing_points};
-pub use warp::{Beyond, warp};
+pub use warp::{Beyond, WarpParts, warp};
 pub use warp_frame::{Backdrop, warp_frame};
 
 pub use ravec_raster::Segment;

@@ -28,6 +28,7 @@ use crate::homography::Homography;
 use glam::{DVec2, dvec2};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Average, Image, Reduction, Size, for_each_strip, halved};
+use std::ops::Range;
 use std::sync::LazyLock;
 
 /// Values beyond the border of the image.
@@ -124,6 +125,56 @@ pub fn warp<P: Average>(
         },
     )?;
     Ok(output)
+}
+
+/// What [`warp`](fn@crate::warp) needs besides the image, for warps on another device.
+pub struct WarpParts<P> {
+    /// The image halved once, twice and so on, as often as the map needs.
+    pub halved: Vec<Image<P>>,
+}
+
+impl<P: Average> WarpParts<P> {
+    /// The parts of the warp of `image` to a picture of `size`.
+    pub fn new(image: &Image<P>, image_from_output: &Homography, size: Size) -> Self {
+        Self {
+            halved: Source::new(image, image_from_output, size).halved,
+        }
+    }
+
+    /// The weights of the kernel by the square of the elliptical distance, from 0 to [`WarpParts::SUPPORT_SQ`].
+    pub fn kernel() -> &'static [f32] {
+        &KERNEL
+    }
+
+    /// The square of the elliptical distance at which the kernel ends.
+    pub const SUPPORT_SQ: f32 = SUPPORT_SQ as f32;
+
+    /// Rows of the image that some rows of an output of `width` columns see, with some to spare; all of them where the output
+    /// reaches the horizon.
+    pub fn seen_rows(
+        image: Size,
+        image_from_output: &Homography,
+        width: usize,
+        rows: Range<usize>,
+    ) -> Range<usize> {
+        const STEP: usize = 32;
+        let places = |from: usize, to: usize| (from..to).step_by(STEP).chain([to]);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for y in places(rows.start, rows.end) {
+            for x in places(0, width) {
+                let Some(seen) = Footprint::new(image_from_output, dvec2(x as f64, y as f64)) else {
+                    return 0..image.height();
+                };
+                // within a few pixels a footprint grows little; coarser images are read one of their pixels further
+                let coarse = f64::from(1u32 << seen.level().min(16));
+                let reach = 3.0 * seen.axes_sq[0].sqrt() + 4.0 * coarse + 4.0;
+                low = low.min(seen.at.y - reach);
+                high = high.max(seen.at.y + reach);
+            }
+        }
+        let inside = |row: f64| row.clamp(0.0, image.height() as f64 - 1.0) as usize;
+        inside(low)..inside(high) + 1
+    }
 }
 
 /// Footprint of an output pixel in the image, if the map is taken as linear there.

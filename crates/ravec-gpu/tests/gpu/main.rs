@@ -4,6 +4,7 @@
 mod dense;
 mod fit;
 mod grid_warp;
+mod homography_warp;
 mod life;
 mod pictures;
 mod refine;
