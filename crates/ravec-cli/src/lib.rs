@@ -35,8 +35,9 @@ use arguments::{Arguments, Command, Global, Other};
 use exit::Failure;
 use flags::Flags;
 use ravec::progress::Progress;
-use ravec_jobs::{Device, 
-    AnyOperation, JobError, Recipe, Report, check_files, check_folder, escape_except, write_text,
+use ravec_jobs::{
+    AnyOperation, Device, JobError, Recipe, Report, check_files, check_folder, escape_except,
+    write_text,
 };
 use std::ffi::OsString;
 use std::io::IsTerminal as _;

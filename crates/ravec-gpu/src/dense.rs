@@ -7,7 +7,7 @@
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::fit::{SweepBuffers, sweep_constants};
-use crate::plane::{PlaneColor, Planes};
+use crate::plane::{Plane, PlaneColor, Planes};
 use crate::upload::{GpuPixel, source_constants};
 use crate::work::{Pending, Run};
 use ravec_progress::Progress;
@@ -87,7 +87,12 @@ pub fn operate_on<P: GpuPixel>(
     };
     let mut current = step(gpu, image, at, params, mode, progress)?;
     for next in regions {
-        let inner = Rect::new(next.col - at.col, next.row - at.row, next.width, next.height);
+        let inner = Rect::new(
+            next.col - at.col,
+            next.row - at.row,
+            next.width,
+            next.height,
+        );
         current = step(gpu, &current, inner, params, mode, progress)?;
         at = next;
     }
@@ -111,8 +116,16 @@ fn step<P: GpuPixel>(
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the operator", &failure);
             let done = pixels.len() / region.width;
-            let rest = Rect::new(region.col, region.row + done, region.width, region.height - done);
-            let once = OperatorParams { iterations: 1, ..params.clone() };
+            let rest = Rect::new(
+                region.col,
+                region.row + done,
+                region.width,
+                region.height - done,
+            );
+            let once = OperatorParams {
+                iterations: 1,
+                ..params.clone()
+            };
             pixels.extend_from_slice(operate(image, rest, &once, progress)?.pixels());
         }
     }
@@ -131,9 +144,14 @@ fn step_bands<P: GpuPixel>(
     let operator = Operator::new(gpu, image, params, mode)?;
     let phase = progress.phase("windows", region.height as u64);
     let rows = (RUN_PIXELS / image.width()).max(1);
-    let bands = (region.row..region.bottom())
-        .step_by(rows)
-        .map(|row| Rect::new(region.col, row, region.width, rows.min(region.bottom() - row)));
+    let bands = (region.row..region.bottom()).step_by(rows).map(|row| {
+        Rect::new(
+            region.col,
+            row,
+            region.width,
+            rows.min(region.bottom() - row),
+        )
+    });
     let (_, result) = gpu.pipelined(
         bands,
         progress,
@@ -184,7 +202,7 @@ impl<'a, P: GpuPixel> Operator<'a, P> {
         let side = self.params.window_px;
         let first_row = band.row.saturating_sub(side / 2);
         let rows = first_row..(band.bottom() + side / 2).min(self.image.height());
-        let plane = self.planes.prepare(self.gpu, self.image, rows, 1)?;
+        let plane = Plane::new(self.gpu, self.image, rows, 1)?;
         let flat = self.params.window().flat_contrast;
         let params = self.gpu.uniform(&Params {
             zero: 0,
@@ -217,6 +235,7 @@ impl<'a, P: GpuPixel> Operator<'a, P> {
             bindings,
             threads: band.pixels(),
         };
-        self.gpu.submit(&[plane.run(&self.planes), run], &output, bytes)
+        self.gpu
+            .submit(&[plane.run(&self.planes), run], &output, bytes)
     }
 }

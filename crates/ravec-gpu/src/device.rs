@@ -25,7 +25,10 @@ impl FromStr for DeviceChoice {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text {
-            "" => Err("the name of the device is empty: choose cpu, gpu, auto or an adapter's name".to_owned()),
+            "" => Err(
+                "the name of the device is empty: choose cpu, gpu, auto or an adapter's name"
+                    .to_owned(),
+            ),
             "cpu" => Ok(Self::Cpu),
             "auto" => Ok(Self::Auto),
             "gpu" => Ok(Self::Gpu),
@@ -64,7 +67,9 @@ impl AdapterInfo {
         Self {
             name: info.name,
             interface: format!("{:?}", info.backend),
-            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+            driver: format!("{} {}", info.driver, info.driver_info)
+                .trim()
+                .to_owned(),
             is_software: info.device_type == wgpu::DeviceType::Cpu,
         }
     }
@@ -94,7 +99,7 @@ fn instance(options: OpenOptions) -> wgpu::Instance {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = INTERFACES;
     descriptor.flags = if options.validation {
-        wgpu::InstanceFlags::DEBUG | wgpu::InstanceFlags::VALIDATION
+        wgpu::InstanceFlags::VALIDATION
     } else {
         wgpu::InstanceFlags::empty()
     };
@@ -143,7 +148,9 @@ struct Health {
 
 impl fmt::Debug for Gpu {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Gpu").field("adapter", &self.info).finish_non_exhaustive()
+        f.debug_struct("Gpu")
+            .field("adapter", &self.info)
+            .finish_non_exhaustive()
     }
 }
 
@@ -183,12 +190,13 @@ impl Gpu {
             required_limits: wgpu::Limits::default(),
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
-            GpuError::Open {
-                adapter: info.to_string(),
-                cause: error.to_string(),
-            }
-        })?;
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
+                GpuError::Open {
+                    adapter: info.to_string(),
+                    cause: error.to_string(),
+                }
+            })?;
         let health = Arc::new(Mutex::new(Health::default()));
         let shared = Arc::clone(&health);
         device.set_device_lost_callback(move |_, message| {
@@ -228,7 +236,9 @@ impl Gpu {
     pub fn destroy(&self) {
         self.device.destroy();
         let mut health = lock(&self.health);
-        health.lost.get_or_insert_with(|| "it was destroyed".to_owned());
+        health
+            .lost
+            .get_or_insert_with(|| "it was destroyed".to_owned());
     }
 
     /// Fails if the device is lost or has refused what was asked of it.
@@ -261,9 +271,7 @@ fn position(adapters: &[AdapterInfo], choice: &DeviceChoice) -> Option<usize> {
     adapters.iter().position(|adapter| match choice {
         DeviceChoice::Cpu => false,
         DeviceChoice::Auto | DeviceChoice::Gpu => !adapter.is_software,
-        DeviceChoice::Named(name) => {
-            adapter.name.to_lowercase().contains(&name.to_lowercase())
-        }
+        DeviceChoice::Named(name) => adapter.name.to_lowercase().contains(&name.to_lowercase()),
     })
 }
 
@@ -272,7 +280,10 @@ fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
 }
 
 fn one_line(message: &str) -> String {
-    let mut lines = message.lines().map(str::trim).filter(|line| !line.is_empty());
+    let mut lines = message
+        .lines()
+        .map(str::trim)
+        .filter(|line| !line.is_empty());
     lines.next().unwrap_or("no reason was given").to_owned()
 }
 
@@ -291,11 +302,20 @@ mod tests {
 
     #[test]
     fn software_drivers_are_taken_by_name_only() {
-        let both = [adapter("Hardware One", false), adapter("llvmpipe (LLVM)", true)];
+        let both = [
+            adapter("Hardware One", false),
+            adapter("llvmpipe (LLVM)", true),
+        ];
         assert_eq!(position(&both, &DeviceChoice::Gpu), Some(0));
         assert_eq!(position(&both, &DeviceChoice::Auto), Some(0));
-        assert_eq!(position(&both, &DeviceChoice::Named("LLVMpipe".to_owned())), Some(1));
-        assert_eq!(position(&both, &DeviceChoice::Named("other".to_owned())), None);
+        assert_eq!(
+            position(&both, &DeviceChoice::Named("LLVMpipe".to_owned())),
+            Some(1)
+        );
+        assert_eq!(
+            position(&both, &DeviceChoice::Named("other".to_owned())),
+            None
+        );
         assert_eq!(position(&both[1..], &DeviceChoice::Gpu), None);
         assert_eq!(position(&both[1..], &DeviceChoice::Auto), None);
         assert_eq!(position(&both, &DeviceChoice::Cpu), None);

@@ -21,7 +21,9 @@ pub enum GpuError {
         cause: String,
     },
     /// The device's results are not those of the CPU.
-    #[error("{adapter} gives other two-color pixels than the CPU ({cause}): update its driver, or choose the device `cpu`")]
+    #[error(
+        "{adapter} gives other two-color pixels than the CPU ({cause}): update its driver, or choose the device `cpu`"
+    )]
     Rounding {
         /// The adapter.
         adapter: String,
@@ -32,7 +34,8 @@ pub enum GpuError {
 
 fn listed(found: &[String]) -> String {
     if found.is_empty() {
-        return "this machine has none; install a driver for Vulkan, or choose the device `cpu`".to_owned();
+        return "this machine has none; install a driver for Vulkan, or choose the device `cpu`"
+            .to_owned();
     }
     format!(
         "this machine has {}; choose one by its name, or the device `cpu`",
@@ -55,7 +58,14 @@ impl Failure {
     pub fn of(error: &wgpu::Error) -> Self {
         match error {
             wgpu::Error::OutOfMemory { .. } => Self::Memory,
-            other => Self::Refused(other.to_string().lines().map(str::trim).collect::<Vec<_>>().join(" ")),
+            other => Self::Refused(
+                other
+                    .to_string()
+                    .lines()
+                    .map(str::trim)
+                    .collect::<Vec<_>>()
+                    .join(" "),
+            ),
         }
     }
 }

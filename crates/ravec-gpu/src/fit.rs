@@ -14,7 +14,7 @@
 
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
-use crate::plane::{MAX_PLANE_PIXELS, PlaneColor, Planes};
+use crate::plane::{MAX_PLANE_PIXELS, Plane, PlaneColor, Planes};
 use crate::upload::GpuPixel;
 use crate::work::{Pending, Run, Words};
 use ravec_progress::Progress;
@@ -64,17 +64,29 @@ impl SweepBuffers {
         let packed = |[prefix, pixel]: [u16; 2]| u32::from(prefix) | u32::from(pixel) << 16;
         Ok(Self {
             order: gpu.table(&format!("order {side}"), || {
-                table.initial_order().iter().map(|&pixel| u32::from(pixel)).collect()
+                table
+                    .initial_order()
+                    .iter()
+                    .map(|&pixel| u32::from(pixel))
+                    .collect()
             })?,
-            events: gpu.table(&format!("events {side}"), || table.events().map(packed).collect())?,
-            gain_weights: gpu.table(&format!("weights {side}"), || table.gain_weights().to_vec())?,
+            events: gpu.table(&format!("events {side}"), || {
+                table.events().map(packed).collect()
+            })?,
+            gain_weights: gpu
+                .table(&format!("weights {side}"), || table.gain_weights().to_vec())?,
             lines: gpu.table(&format!("lines {side}"), || table.lines().collect())?,
         })
     }
 
     /// The bindings of the sweep over opaque blocks.
     pub fn opaque_bindings(&self) -> [(u32, &wgpu::Buffer); 4] {
-        [(3, &self.order), (4, &self.events), (5, &self.gain_weights), (6, &self.lines)]
+        [
+            (3, &self.order),
+            (4, &self.events),
+            (5, &self.gain_weights),
+            (6, &self.lines),
+        ]
     }
 
     /// The bindings of the sweep over blocks with weights, whose gains have no table.
@@ -85,9 +97,7 @@ impl SweepBuffers {
 
 /// The constants of a shader with a sweep.
 pub(crate) fn sweep_constants(side: usize) -> String {
-    format!(
-        "const SIDE: u32 = {side}u;\nconst MIN_WEIGHT: f32 = {MIN_FITTED_WEIGHT:e};"
-    )
+    format!("const SIDE: u32 = {side}u;\nconst MIN_WEIGHT: f32 = {MIN_FITTED_WEIGHT:e};")
 }
 
 /// The shader of the fit.
@@ -124,10 +134,19 @@ pub fn fit<P: GpuPixel>(
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the fit", &failure);
             let done = blocks.len() / grid.width();
-            blocks.extend(TwoColorField::fit_some_rows(image, params, done..grid.height(), progress)?);
+            blocks.extend(TwoColorField::fit_some_rows(
+                image,
+                params,
+                done..grid.height(),
+                progress,
+            )?);
         }
     }
-    Ok(TwoColorField::from_blocks(image.size(), params.block_px, blocks))
+    Ok(TwoColorField::from_blocks(
+        image.size(),
+        params.block_px,
+        blocks,
+    ))
 }
 
 /// Fits band after band and appends whole bands to `blocks`.
@@ -142,7 +161,9 @@ fn fit_bands<P: GpuPixel>(
     let grid = image.size().cells(params.block_px);
     let phase = progress.phase("fit", grid.height() as u64);
     let rows = fitter.block_rows_in_a_band();
-    let bands = (0..grid.height()).step_by(rows).map(|first| [first, (first + rows).min(grid.height())]);
+    let bands = (0..grid.height())
+        .step_by(rows)
+        .map(|first| [first, (first + rows).min(grid.height())]);
     // the plane of a band is kept for the blocks of its second run
     let planes = std::cell::RefCell::new(std::collections::VecDeque::new());
     let (_, result) = gpu.pipelined(
@@ -200,7 +221,6 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         block_rows.start * self.side..(block_rows.end * self.side).min(self.image.height())
     }
 
-
     fn params(&self, block_rows: &Range<usize>, count: usize) -> Result<wgpu::Buffer, Failure> {
         self.gpu.uniform(&Params {
             zero: 0,
@@ -217,7 +237,12 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
 
     /// Starts the first run on a band, and gives the plane for a second one.
     fn submit_opaque(&self, block_rows: Range<usize>) -> Result<(wgpu::Buffer, Pending), Failure> {
-        let plane = self.planes.prepare(self.gpu, self.image, self.pixel_rows(&block_rows), self.side)?;
+        let plane = Plane::new(
+            self.gpu,
+            self.image,
+            self.pixel_rows(&block_rows),
+            self.side,
+        )?;
         let count = self.columns * block_rows.len();
         let params = self.params(&block_rows, count)?;
         let output = self.gpu.output(4 * WORDS * count)?;
@@ -228,7 +253,9 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
             bindings,
             threads: count,
         };
-        let pending = self.gpu.submit(&[plane.run(&self.planes), run], &output, 4 * WORDS * count)?;
+        let pending =
+            self.gpu
+                .submit(&[plane.run(&self.planes), run], &output, 4 * WORDS * count)?;
         Ok((plane.buffer, pending))
     }
 
@@ -242,20 +269,28 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
     ) -> Result<Vec<TwoColorPixel>, Stopped> {
         let words = Words::new(bytes);
         let count = self.columns * block_rows.len();
-        let rest: Vec<u32> =
-            (0..count as u32).filter(|&block| words.word(WORDS * block as usize) == NOT_FITTED).collect();
+        let rest: Vec<u32> = (0..count as u32)
+            .filter(|&block| words.word(WORDS * block as usize) == NOT_FITTED)
+            .collect();
         let mut pixels: Vec<TwoColorPixel> = (0..count)
             .into_par_iter()
             .map(|block| {
                 let sums = sums(&words, WORDS * block);
                 // blocks of the second run have no event yet
-                let sums = SplitSums { event: if sums.event == NOT_FITTED { 0 } else { sums.event }, ..sums };
+                let sums = SplitSums {
+                    event: if sums.event == NOT_FITTED {
+                        0
+                    } else {
+                        sums.event
+                    },
+                    ..sums
+                };
                 sums.opaque_pixel(self.side, self.flat_contrast)
             })
             .collect();
         if !rest.is_empty() {
             let pending = self.submit_weighted(plane, &block_rows, &rest)?;
-            self.gpu.receive(pending, progress, |bytes| {
+            self.gpu.receive(&pending, progress, |bytes| {
                 let words = Words::new(bytes);
                 for (index, &block) in rest.iter().enumerate() {
                     let at = WEIGHTED_WORDS * index;
@@ -277,13 +312,16 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         block_rows: &Range<usize>,
         rest: &[u32],
     ) -> Result<Pending, Failure> {
-        let kernel = self.gpu.kernel("fit_weighted", &sweep_constants(self.side), &PARTS)?;
+        let kernel = self
+            .gpu
+            .kernel("fit_weighted", &sweep_constants(self.side), &PARTS)?;
         let params = self.params(block_rows, rest.len())?;
-        let blocks = self.gpu.upload(bytemuck::cast_slice(rest), wgpu::BufferUsages::STORAGE)?;
+        let blocks = self
+            .gpu
+            .upload(bytemuck::cast_slice(rest), wgpu::BufferUsages::STORAGE)?;
         let bytes = 4 * WEIGHTED_WORDS * rest.len();
         let output = self.gpu.output(bytes)?;
-        let mut bindings =
-            vec![(0, &params), (1, plane), (7, &output), (8, &blocks)];
+        let mut bindings = vec![(0, &params), (1, plane), (7, &output), (8, &blocks)];
         bindings.extend(self.sweep.weighted_bindings());
         let run = Run {
             kernel: &kernel,

@@ -116,7 +116,11 @@ fn warp_bands<P: GpuPixel>(
     progress: &Progress,
     pixels: &mut Vec<P>,
 ) -> Result<(), Stopped> {
-    let constants = format!("{}\nconst HAS_ALPHA: bool = {};", source_constants::<P>(), P::HAS_ALPHA);
+    let constants = format!(
+        "{}\nconst HAS_ALPHA: bool = {};",
+        source_constants::<P>(),
+        P::HAS_ALPHA
+    );
     let warp = Warp {
         gpu,
         image,
@@ -125,22 +129,30 @@ fn warp_bands<P: GpuPixel>(
         kernel: gpu.kernel(
             "grid_warp",
             &constants,
-            &[include_str!("shaders/source.wgsl"), include_str!("shaders/grid_warp.wgsl")],
+            &[
+                include_str!("shaders/source.wgsl"),
+                include_str!("shaders/grid_warp.wgsl"),
+            ],
         )?,
     };
     let height = deformation.size().height();
     let phase = progress.phase("warp", height as u64);
     // bands that see no more of the old picture than a binding holds
     let old_rows = (MAX_SOURCE_BYTES / (image.width() * size_of::<P>())).max(1);
-    let rows = (RUN_PIXELS / warp.width).min(old_rows * height / image.height() / 2).clamp(1, height);
-    let bands = (0..height).step_by(rows).map(|first| [first, (first + rows).min(height)]);
+    let rows = (RUN_PIXELS / warp.width)
+        .min(old_rows * height / image.height() / 2)
+        .clamp(1, height);
+    let bands = (0..height)
+        .step_by(rows)
+        .map(|first| [first, (first + rows).min(height)]);
     let (_, result) = gpu.pipelined(
         bands,
         progress,
         |[first, end]| warp.submit(&deformation.warp_plan(first..end), first..end),
         |[first, end], bytes| {
             let count = (end - first) * warp.width;
-            let light: &[LinearRgba] = bytemuck::cast_slice(&bytes[..size_of::<LinearRgba>() * count]);
+            let light: &[LinearRgba] =
+                bytemuck::cast_slice(&bytes[..size_of::<LinearRgba>() * count]);
             pixels.par_extend(light.par_iter().map(|&pixel| P::from_linear(pixel)));
             phase.advance((end - first) as u64);
             Ok(())

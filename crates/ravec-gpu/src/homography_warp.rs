@@ -7,7 +7,7 @@
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::work::{Pending, Run};
-use glam::{DMat3, dvec2};
+use glam::{DMat3, DVec2, dvec2};
 use ravec_planar::{Beyond, Homography, WarpParts, warp};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, PremulLinearRgba, Size};
@@ -78,7 +78,15 @@ pub fn warp_homography(
     let halved = WarpParts::new(image, image_from_output, size).halved;
     let mut levels = vec![image];
     levels.extend(&halved);
-    match warp_bands(gpu, &levels, image_from_output, size, beyond, progress, &mut pixels) {
+    match warp_bands(
+        gpu,
+        &levels,
+        image_from_output,
+        size,
+        beyond,
+        progress,
+        &mut pixels,
+    ) {
         Ok(()) => Image::from_vec(size.width(), pixels).or_else(|_| on_cpu()),
         Err(Stopped::Cancelled(cancelled)) => Err(cancelled),
         Err(Stopped::Failed(failure)) => {
@@ -107,7 +115,9 @@ fn warp_bands(
         map,
         size,
         beyond,
-        weights: gpu.table("warp kernel", || WarpParts::<PremulLinearRgba>::kernel().to_vec())?,
+        weights: gpu.table("warp kernel", || {
+            WarpParts::<PremulLinearRgba>::kernel().to_vec()
+        })?,
         kernel: gpu.kernel(
             "homography_warp",
             &constants,
@@ -127,7 +137,9 @@ fn warp_bands(
         |[first, end]| warper.submit(first..end),
         |[first, end], bytes| {
             let count = (end - first) * size.width();
-            pixels.extend_from_slice(bytemuck::cast_slice(&bytes[..size_of::<PremulLinearRgba>() * count]));
+            pixels.extend_from_slice(bytemuck::cast_slice(
+                &bytes[..size_of::<PremulLinearRgba>() * count],
+            ));
             phase.advance((end - first) as u64);
             Ok(())
         },
@@ -150,11 +162,18 @@ impl Warper<'_> {
     /// Rows of each level that some rows of the output see.
     fn seen(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
         let image = self.levels[0].size();
-        let seen = WarpParts::<PremulLinearRgba>::seen_rows(image, self.map, self.size.width(), rows.clone());
+        let seen = WarpParts::<PremulLinearRgba>::seen_rows(
+            image,
+            self.map,
+            self.size.width(),
+            rows.clone(),
+        );
         let levels = self.levels.iter().enumerate();
         levels
             .map(|(number, level)| {
-                let first = (seen.start >> number).saturating_sub(1).min(level.height() - 1);
+                let first = (seen.start >> number)
+                    .saturating_sub(1)
+                    .min(level.height() - 1);
                 first..((seen.end >> number) + 2).min(level.height())
             })
             .collect()
@@ -163,7 +182,11 @@ impl Warper<'_> {
     /// Divides rows of the output until what each part sees fits a binding.
     fn divide(&self, rows: Range<usize>, into: &mut Vec<Range<usize>>) -> Result<(), Failure> {
         let seen = self.seen(&rows);
-        let pixels: usize = seen.iter().zip(self.levels).map(|(rows, level)| rows.len() * level.width()).sum();
+        let pixels: usize = seen
+            .iter()
+            .zip(self.levels)
+            .map(|(rows, level)| rows.len() * level.width())
+            .sum();
         if pixels * size_of::<PremulLinearRgba>() <= MAX_SOURCE_BYTES {
             into.push(rows);
             return Ok(());
@@ -180,12 +203,15 @@ impl Warper<'_> {
     fn tile(&self, col: usize, row: usize) -> Tile {
         let half = 0.5 * TILE as f64;
         let center = dvec2((col * TILE) as f64 + half, (row * TILE) as f64 + half);
-        let at = self.map.try_apply(center).map_or(dvec2(0.0, 0.0), |at| at.floor());
+        let at = self.map.try_apply(center).map_or(DVec2::ZERO, DVec2::floor);
         // numbers beyond this have no fractions in single precision anyway
         let origin = at.clamp(dvec2(-1e8, -1e8), dvec2(1e8, 1e8));
-        let local = DMat3::from_translation(-origin) * self.map.matrix() * DMat3::from_translation(center);
+        let local =
+            DMat3::from_translation(-origin) * self.map.matrix() * DMat3::from_translation(center);
         let rows = [0, 1, 2].map(|k| local.row(k).to_array());
-        let largest = rows[2].iter().fold(f64::MIN_POSITIVE, |most, v| most.max(v.abs()));
+        let largest = rows[2]
+            .iter()
+            .fold(f64::MIN_POSITIVE, |most, v| most.max(v.abs()));
         Tile {
             rows: rows.map(|[a, b, c]| [a, b, c, 0.0].map(|v| (v / largest) as f32)),
             origin: origin.to_array().map(|v| v as i32),
@@ -207,7 +233,9 @@ impl Warper<'_> {
                 height: level.height() as u32,
                 padding: [0; 3],
             });
-            pixels.extend_from_slice(&level.pixels()[rows.start * level.width()..rows.end * level.width()]);
+            pixels.extend_from_slice(
+                &level.pixels()[rows.start * level.width()..rows.end * level.width()],
+            );
         }
         let tile_rows = rows.start / TILE..rows.end.div_ceil(TILE);
         let tile_columns = self.size.width().div_ceil(TILE);

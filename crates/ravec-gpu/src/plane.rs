@@ -50,6 +50,7 @@ pub(crate) struct Plane {
 }
 
 impl Planes {
+    /// The conversion to planes of these colors.
     pub fn new<P: GpuPixel>(gpu: &Gpu, color: PlaneColor) -> Result<Self, Failure> {
         let parts = [
             include_str!("shaders/exact.wgsl"),
@@ -58,25 +59,29 @@ impl Planes {
             include_str!("shaders/oklab.wgsl"),
         ];
         let is_linear = color == PlaneColor::Linear;
-        let constants = format!("{}\nconst LINEAR_PLANE: bool = {is_linear};", source_constants::<P>());
+        let constants = format!(
+            "{}\nconst LINEAR_PLANE: bool = {is_linear};",
+            source_constants::<P>()
+        );
         Ok(Self {
             kernel: gpu.kernel("fill_plane", &constants, &parts)?,
             light: gpu.light::<P>()?,
         })
     }
+}
 
+impl Plane {
     /// Uploads rows of a picture. Pixels are sorted by their place in blocks of `side` pixels; 1 keeps them in rows.
-    pub fn prepare<P: GpuPixel>(
-        &self,
+    pub fn new<P: GpuPixel>(
         gpu: &Gpu,
         image: &Image<P>,
         rows: Range<usize>,
         side: usize,
-    ) -> Result<Plane, Failure> {
+    ) -> Result<Self, Failure> {
         let count = image.width() * rows.len();
         let columns = image.width().div_ceil(side);
         let blocks = columns * rows.len().div_ceil(side);
-        Ok(Plane {
+        Ok(Self {
             source: gpu.upload_rows(image, rows)?,
             buffer: gpu.output(PLANE_PIXEL_BYTES * blocks * side * side)?,
             params: gpu.uniform(&Params {
@@ -90,9 +95,7 @@ impl Planes {
             count,
         })
     }
-}
 
-impl Plane {
     /// The run that fills the plane.
     pub fn run<'a>(&'a self, planes: &'a Planes) -> Run<'a> {
         Run {

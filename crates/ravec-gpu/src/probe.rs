@@ -26,11 +26,20 @@ pub(crate) fn check(gpu: &Gpu) -> Result<(), GpuError> {
         if col < 16 && row < 16 {
             return Srgba([90, 120, 30, 255]);
         }
-        Srgba([side + noise, 200 - side / 2 + noise, (col * 4 + row) % 251, alpha].map(|v| v as u8))
+        Srgba(
+            [
+                side + noise,
+                200 - side / 2 + noise,
+                (col * 4 + row) % 251,
+                alpha,
+            ]
+            .map(|v| v as u8),
+        )
     });
     let params = FitParams::default();
     let progress = Progress::none();
-    let on_cpu = TwoColorField::fit(&image, &params, &progress).map_err(|error| wrong(error.to_string()))?;
+    let on_cpu =
+        TwoColorField::fit(&image, &params, &progress).map_err(|error| wrong(error.to_string()))?;
     let on_gpu = fit(gpu, &image, &params, &progress).map_err(|error| wrong(error.to_string()))?;
     if let Some(warning) = gpu.take_warnings().into_iter().next() {
         return Err(GpuError::Open {

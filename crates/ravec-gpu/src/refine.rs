@@ -7,14 +7,14 @@
 
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
-use crate::plane::{MAX_PLANE_PIXELS, PlaneColor, Planes};
+use crate::plane::{MAX_PLANE_PIXELS, Plane, PlaneColor, Planes};
 use crate::upload::GpuPixel;
 use crate::work::{Pending, Run, Words};
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Image;
-use ravec_raster::color::oklab_from_linear;
 use ravec_raster::Oklab;
+use ravec_raster::color::oklab_from_linear;
 use ravec_twocolor::{Line, TwoColorField, TwoColorPixel, refine_line};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -59,7 +59,11 @@ pub fn refine_lines<P: GpuPixel>(
     if gpu.is_lost() {
         return field.refine_lines(image, progress);
     }
-    assert_eq!(image.size(), field.image_size(), "the image is not the one that was fitted");
+    assert_eq!(
+        image.size(),
+        field.image_size(),
+        "the image is not the one that was fitted"
+    );
     let mut blocks = Vec::with_capacity(field.blocks().len());
     match refine_bands(gpu, field, image, progress, &mut blocks) {
         Ok(()) => {}
@@ -67,11 +71,20 @@ pub fn refine_lines<P: GpuPixel>(
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the refinement", &failure);
             let (side, columns) = (field.block_px(), field.grid_size().width());
-            let rest = field.blocks()[blocks.len()..].par_iter().enumerate().map(|(index, pixel)| {
-                progress.check()?;
-                let block = blocks.len() + index;
-                Ok(refine_line(image, corner(block, columns, side), side, pixel))
-            });
+            let rest =
+                field.blocks()[blocks.len()..]
+                    .par_iter()
+                    .enumerate()
+                    .map(|(index, pixel)| {
+                        progress.check()?;
+                        let block = blocks.len() + index;
+                        Ok(refine_line(
+                            image,
+                            corner(block, columns, side),
+                            side,
+                            pixel,
+                        ))
+                    });
             let rest: Vec<TwoColorPixel> = rest.collect::<Result<_, Cancelled>>()?;
             blocks.extend(rest);
         }
@@ -100,13 +113,18 @@ fn refine_bands<P: GpuPixel>(
         kernel: gpu.kernel(
             "refine",
             "",
-            &[include_str!("shaders/area.wgsl"), include_str!("shaders/refine.wgsl")],
+            &[
+                include_str!("shaders/area.wgsl"),
+                include_str!("shaders/refine.wgsl"),
+            ],
         )?,
     };
     let (side, grid) = (field.block_px(), field.grid_size());
     let phase = progress.phase("refine", grid.height() as u64);
     let rows = (MAX_PLANE_PIXELS / (grid.width() * side * side)).max(1);
-    let bands = (0..grid.height()).step_by(rows).map(|first| [first, (first + rows).min(grid.height())]);
+    let bands = (0..grid.height())
+        .step_by(rows)
+        .map(|first| [first, (first + rows).min(grid.height())]);
     let (_, result) = gpu.pipelined(
         bands,
         progress,
@@ -140,7 +158,9 @@ impl<P: GpuPixel> Refiner<'_, P> {
         let rows = block_rows.start * side..(block_rows.end * side).min(self.image.height());
         let blocks = self.blocks(&block_rows);
         let lines: Vec<[f32; 4]> = blocks.iter().map(line_of).collect();
-        let lines = self.gpu.upload(bytemuck::cast_slice(&lines), wgpu::BufferUsages::STORAGE)?;
+        let lines = self
+            .gpu
+            .upload(bytemuck::cast_slice(&lines), wgpu::BufferUsages::STORAGE)?;
         let params = self.gpu.uniform(&Params {
             width: self.image.width() as u32,
             rows: rows.len() as u32,
@@ -151,7 +171,7 @@ impl<P: GpuPixel> Refiner<'_, P> {
             steps: STEPS,
             halvings: HALVINGS,
         })?;
-        let plane = self.planes.prepare(self.gpu, self.image, rows, side)?;
+        let plane = Plane::new(self.gpu, self.image, rows, side)?;
         let bytes = 4 * WORDS * blocks.len();
         let output = self.gpu.output(bytes)?;
         let run = Run {
@@ -159,7 +179,8 @@ impl<P: GpuPixel> Refiner<'_, P> {
             bindings: vec![(0, &params), (1, &plane.buffer), (2, &lines), (3, &output)],
             threads: blocks.len(),
         };
-        self.gpu.submit(&[plane.run(&self.planes), run], &output, bytes)
+        self.gpu
+            .submit(&[plane.run(&self.planes), run], &output, bytes)
     }
 
     fn refined(&self, block_rows: Range<usize>, bytes: &[u8]) -> Vec<TwoColorPixel> {
@@ -178,12 +199,18 @@ impl<P: GpuPixel> Refiner<'_, P> {
                             normal: DVec2::new(x, y).normalize(),
                             offset_px: offset,
                         }),
-                        colors: [at + 4, at + 7].map(|at| Oklab(oklab_from_linear(words.floats(at)))),
+                        colors: [at + 4, at + 7]
+                            .map(|at| Oklab(oklab_from_linear(words.floats(at)))),
                         ..*pixel
                     }
                 }
                 // a block with values that are no numbers
-                _ => refine_line(self.image, corner(first + index, columns, side), side, pixel),
+                _ => refine_line(
+                    self.image,
+                    corner(first + index, columns, side),
+                    side,
+                    pixel,
+                ),
             }
         });
         refined.collect()
@@ -193,9 +220,12 @@ impl<P: GpuPixel> Refiner<'_, P> {
 /// The line of a block, and 1 if it can be refined: flat blocks cannot, nor those with transparency on one side only.
 fn line_of(pixel: &TwoColorPixel) -> [f32; 4] {
     match pixel.line {
-        Some(line) if pixel.alphas[0] == pixel.alphas[1] => {
-            [line.normal.x as f32, line.normal.y as f32, line.offset_px as f32, 1.0]
-        }
+        Some(line) if pixel.alphas[0] == pixel.alphas[1] => [
+            line.normal.x as f32,
+            line.normal.y as f32,
+            line.offset_px as f32,
+            1.0,
+        ],
         _ => [0.0; 4],
     }
 }

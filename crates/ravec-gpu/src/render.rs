@@ -58,7 +58,12 @@ impl Paint {
     fn two_colors(pixel: &TwoColorPixel) -> Self {
         Self {
             line: pixel.line.map_or([0.0; 4], |line| {
-                [line.normal.x as f32, line.normal.y as f32, line.offset_px as f32, 1.0]
+                [
+                    line.normal.x as f32,
+                    line.normal.y as f32,
+                    line.offset_px as f32,
+                    1.0,
+                ]
             }),
             sides: [0, 1].map(|side| premultiplied(pixel.colors[side], pixel.alphas[side])),
         }
@@ -92,7 +97,8 @@ pub fn render_field(
     }
     let mut pixels = Vec::with_capacity(size.pixels());
     match render_bands(gpu, field, size, style, progress, &mut pixels) {
-        Ok(()) => Ok(Image::from_vec(size.width(), pixels).unwrap_or_else(|_| Image::new(size, LinearRgba::default()))),
+        Ok(()) => Ok(Image::from_vec(size.width(), pixels)
+            .unwrap_or_else(|_| Image::new(size, LinearRgba::default()))),
         Err(Stopped::Cancelled(cancelled)) => Err(cancelled),
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the rendering", &failure);
@@ -117,19 +123,26 @@ fn render_bands(
         kernel: gpu.kernel(
             "render",
             "",
-            &[include_str!("shaders/area.wgsl"), include_str!("shaders/render.wgsl")],
+            &[
+                include_str!("shaders/area.wgsl"),
+                include_str!("shaders/render.wgsl"),
+            ],
         )?,
     };
     let phase = progress.phase("render", size.height() as u64);
     let rows = renderer.rows_in_a_run()?;
-    let bands = (0..size.height()).step_by(rows).map(|first| [first, (first + rows).min(size.height())]);
+    let bands = (0..size.height())
+        .step_by(rows)
+        .map(|first| [first, (first + rows).min(size.height())]);
     let (_, result) = gpu.pipelined(
         bands,
         progress,
         |[first, end]| renderer.submit(first..end),
         |[first, end], bytes| {
             let count = (end - first) * size.width();
-            pixels.extend_from_slice(bytemuck::cast_slice(&bytes[..size_of::<LinearRgba>() * count]));
+            pixels.extend_from_slice(bytemuck::cast_slice(
+                &bytes[..size_of::<LinearRgba>() * count],
+            ));
             phase.advance((end - first) as u64);
             Ok(())
         },
@@ -150,7 +163,9 @@ impl Renderer<'_> {
     fn block_rows(&self, rows: &Range<usize>) -> Range<usize> {
         let (from, to) = (self.field.image_size().height(), self.size.height());
         let first = rows.start * from / to / self.field.block_px();
-        let end = (rows.end * from).div_ceil(to).div_ceil(self.field.block_px());
+        let end = (rows.end * from)
+            .div_ceil(to)
+            .div_ceil(self.field.block_px());
         first..end.min(self.field.grid_size().height())
     }
 
@@ -169,8 +184,11 @@ impl Renderer<'_> {
     }
 
     fn submit(&self, rows: Range<usize>) -> Result<Pending, Failure> {
-        let (image_size, grid, side) =
-            (self.field.image_size(), self.field.grid_size(), self.field.block_px());
+        let (image_size, grid, side) = (
+            self.field.image_size(),
+            self.field.grid_size(),
+            self.field.block_px(),
+        );
         let block_rows = self.block_rows(&rows);
         let paints: Vec<Paint> = match self.style {
             RenderStyle::TwoColors => self.field.blocks()
@@ -179,7 +197,8 @@ impl Renderer<'_> {
                 .map(Paint::two_colors)
                 .collect(),
             RenderStyle::Mosaic => {
-                let pixel_rows = block_rows.start * side..(block_rows.end * side).min(image_size.height());
+                let pixel_rows =
+                    block_rows.start * side..(block_rows.end * side).min(image_size.height());
                 let blocks = self.field.blocks_in_rows(pixel_rows);
                 blocks
                     .map(|block| {
@@ -192,7 +211,9 @@ impl Renderer<'_> {
                     .collect()
             }
         };
-        let paints = self.gpu.upload(bytemuck::cast_slice(&paints), wgpu::BufferUsages::STORAGE)?;
+        let paints = self
+            .gpu
+            .upload(bytemuck::cast_slice(&paints), wgpu::BufferUsages::STORAGE)?;
         let count = rows.len() * self.size.width();
         let params = self.gpu.uniform(&Params {
             from_width: image_size.width() as u32,

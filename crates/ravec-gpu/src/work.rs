@@ -53,20 +53,26 @@ impl Gpu {
         if let Some(kernel) = kernels.get(&key) {
             return Ok(Arc::clone(kernel));
         }
-        let code = format!("const GROUP: u32 = {GROUP}u;\n{constants}\n{}", parts.join("\n"));
+        let code = format!(
+            "const GROUP: u32 = {GROUP}u;\n{constants}\n{}",
+            parts.join("\n")
+        );
         let kernel = self.scoped(|| {
-            let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(entry),
-                source: wgpu::ShaderSource::Wgsl(code.into()),
-            });
-            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(entry),
-                layout: None,
-                module: &module,
-                entry_point: Some(entry),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            })
+            let module = self
+                .device
+                .create_shader_module(wgpu::ShaderModuleDescriptor {
+                    label: Some(entry),
+                    source: wgpu::ShaderSource::Wgsl(code.into()),
+                });
+            self.device
+                .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                    label: Some(entry),
+                    layout: None,
+                    module: &module,
+                    entry_point: Some(entry),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    cache: None,
+                })
         })?;
         let kernel = Arc::new(kernel);
         kernels.insert(key, Arc::clone(&kernel));
@@ -84,13 +90,18 @@ impl Gpu {
         if let Some(table) = tables.get(name) {
             return Ok(Arc::clone(table));
         }
-        let table = Arc::new(self.upload(bytemuck::cast_slice(&data()), wgpu::BufferUsages::STORAGE)?);
+        let table =
+            Arc::new(self.upload(bytemuck::cast_slice(&data()), wgpu::BufferUsages::STORAGE)?);
         tables.insert(name.to_owned(), Arc::clone(&table));
         Ok(table)
     }
 
     /// A buffer with these bytes, and up to three more.
-    pub(crate) fn upload(&self, bytes: &[u8], usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Failure> {
+    pub(crate) fn upload(
+        &self,
+        bytes: &[u8],
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, Failure> {
         let whole = bytes.len() / 4 * 4;
         let buffer = self.buffer(bytes.len(), usage | wgpu::BufferUsages::COPY_DST)?;
         self.scoped(|| {
@@ -105,12 +116,19 @@ impl Gpu {
     }
 
     /// The parameters of a kernel.
-    pub(crate) fn uniform<T: bytemuck::NoUninit>(&self, params: &T) -> Result<wgpu::Buffer, Failure> {
+    pub(crate) fn uniform<T: bytemuck::NoUninit>(
+        &self,
+        params: &T,
+    ) -> Result<wgpu::Buffer, Failure> {
         self.upload(bytemuck::bytes_of(params), wgpu::BufferUsages::UNIFORM)
     }
 
     /// A buffer of at least `bytes` bytes, zeroed.
-    pub(crate) fn buffer(&self, bytes: usize, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, Failure> {
+    pub(crate) fn buffer(
+        &self,
+        bytes: usize,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, Failure> {
         self.scoped(|| {
             self.device.create_buffer(&wgpu::BufferDescriptor {
                 label: None,
@@ -124,7 +142,10 @@ impl Gpu {
 
     /// A buffer for the results of a kernel.
     pub(crate) fn output(&self, bytes: usize) -> Result<wgpu::Buffer, Failure> {
-        self.buffer(bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC)
+        self.buffer(
+            bytes,
+            wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC,
+        )
     }
 
     /// Submits runs that follow each other, and the copy of `bytes` bytes of `output` to the CPU.
@@ -136,9 +157,14 @@ impl Gpu {
     ) -> Result<Pending, Failure> {
         self.check()?;
         let size = bytes.next_multiple_of(4) as u64;
-        let buffer = self.buffer(bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
+        let buffer = self.buffer(
+            bytes,
+            wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+        )?;
         self.scoped(|| {
-            let mut encoder = self.device.create_command_encoder(&Default::default());
+            let mut encoder = self
+                .device
+                .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             for run in runs {
                 let entries: Vec<_> = run
                     .bindings
@@ -153,7 +179,7 @@ impl Gpu {
                     layout: &run.kernel.get_bind_group_layout(0),
                     entries: &entries,
                 });
-                let mut pass = encoder.begin_compute_pass(&Default::default());
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 pass.set_pipeline(run.kernel);
                 pass.set_bind_group(0, &group, &[]);
                 let groups = run.threads.div_ceil(GROUP as usize) as u32;
@@ -179,7 +205,7 @@ impl Gpu {
     /// Waits for results and hands them to `receive`.
     pub(crate) fn receive<R>(
         &self,
-        pending: Pending,
+        pending: &Pending,
         progress: &Progress,
         receive: impl FnOnce(&[u8]) -> R,
     ) -> Result<R, Stopped> {
@@ -246,7 +272,7 @@ impl Gpu {
         let result = (|| {
             let mut in_flight = VecDeque::new();
             let mut finish = |(band, pending): (Band, Pending)| {
-                self.receive(pending, progress, |bytes| receive(band, bytes))??;
+                self.receive(&pending, progress, |bytes| receive(band, bytes))??;
                 done += 1;
                 Ok::<(), Stopped>(())
             };
@@ -292,4 +318,3 @@ impl<'a> Words<'a> {
         std::array::from_fn(|k| f32::from_bits(self.0[at + k]))
     }
 }
-

@@ -556,7 +556,9 @@ fn everywhere(
     } else if let (Mode::Clean, Some(sigma)) = (operator.mode, operator.noise_sigma) {
         report.figures.insert("noise_sigma_steps", f64::from(sigma));
     }
-    let operated = report.time("operate", || context.device.operate(image, whole, &operator, progress))?;
+    let operated = report.time("operate", || {
+        context.device.operate(image, whole, &operator, progress)
+    })?;
     context.device.report_warnings(report);
     Ok(operated)
 }

@@ -5,11 +5,13 @@
 
 use crate::error::JobError;
 use crate::report::Report;
-use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, with_image};
+use ravec::planar::{Beyond, Homography, warp};
+use ravec::progress::{Cancelled, Progress};
+use ravec::raster::{AnyImage, Image, LinearRgba, PremulLinearRgba, Rect, Size, with_image};
 use ravec::retarget::{Deformation, RetargetError};
 use ravec::twocolor::{
-    FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate, render_mosaic, render_to,
+    FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate, render_mosaic,
+    render_to,
 };
 
 #[cfg(feature = "gpu")]
@@ -34,7 +36,8 @@ impl Device {
     pub fn open(name: &str) -> Result<Self, JobError> {
         let failed = |cause: String| JobError::Device { cause };
         let choice: DeviceChoice = name.parse().map_err(failed)?;
-        let gpu = Gpu::open(&choice, OpenOptions::default()).map_err(|error| failed(error.to_string()))?;
+        let gpu = Gpu::open(&choice, OpenOptions::default())
+            .map_err(|error| failed(error.to_string()))?;
         Ok(Self {
             gpu: gpu.map(Arc::new),
         })
@@ -95,7 +98,9 @@ impl Device {
     ) -> Result<(), JobError> {
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &self.gpu {
-            return Ok(with_image!(image, image => gpu::refine_lines(gpu, field, image, progress))?);
+            return Ok(
+                with_image!(image, image => gpu::refine_lines(gpu, field, image, progress))?,
+            );
         }
         Ok(with_image!(image, image => field.refine_lines(image, progress))?)
     }
@@ -108,7 +113,13 @@ impl Device {
     ) -> Result<Image<LinearRgba>, JobError> {
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &self.gpu {
-            return Ok(gpu::render_field(gpu, field, size, RenderStyle::TwoColors, progress)?);
+            return Ok(gpu::render_field(
+                gpu,
+                field,
+                size,
+                RenderStyle::TwoColors,
+                progress,
+            )?);
         }
         Ok(render_to(field, size, progress)?)
     }
@@ -121,7 +132,13 @@ impl Device {
     ) -> Result<Image<LinearRgba>, JobError> {
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &self.gpu {
-            return Ok(gpu::render_field(gpu, field, size, RenderStyle::Mosaic, progress)?);
+            return Ok(gpu::render_field(
+                gpu,
+                field,
+                size,
+                RenderStyle::Mosaic,
+                progress,
+            )?);
         }
         Ok(render_mosaic(field, size, progress)?)
     }
@@ -137,6 +154,21 @@ impl Device {
             return with_image!(image, image => Ok(gpu::warp_deformed(gpu, deformation, image, progress)?.into()));
         }
         with_image!(image, image => Ok(deformation.warp(image, progress)?.into()))
+    }
+
+    pub(crate) fn warp_homography(
+        &self,
+        image: &Image<PremulLinearRgba>,
+        image_from_output: &Homography,
+        size: Size,
+        beyond: Beyond<PremulLinearRgba>,
+        progress: &Progress,
+    ) -> Result<Image<PremulLinearRgba>, Cancelled> {
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return gpu::warp_homography(gpu, image, image_from_output, size, beyond, progress);
+        }
+        warp(image, image_from_output, size, beyond, progress)
     }
 
     pub(crate) fn operate(

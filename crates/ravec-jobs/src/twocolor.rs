@@ -299,15 +299,11 @@ fn fitted(
         method: FitMethod::Auto,
         flat_contrast: params.flat_contrast,
     };
-    let mut field = report.time(
-        "fit",
-        || context.device.fit(image, &fit, progress),
-    )?;
+    let mut field = report.time("fit", || context.device.fit(image, &fit, progress))?;
     if !params.whole_pixels {
-        report.time(
-            "refine",
-            || context.device.refine_lines(&mut field, image, progress),
-        )?;
+        report.time("refine", || {
+            context.device.refine_lines(&mut field, image, progress)
+        })?;
     }
     context.device.report_warnings(report);
     Ok(Fitted::Regular(field))

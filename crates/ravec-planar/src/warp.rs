@@ -162,7 +162,8 @@ impl<P: Average> WarpParts<P> {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for y in places(rows.start, rows.end) {
             for x in places(0, width) {
-                let Some(seen) = Footprint::new(image_from_output, dvec2(x as f64, y as f64)) else {
+                let Some(seen) = Footprint::new(image_from_output, dvec2(x as f64, y as f64))
+                else {
                     return 0..image.height();
                 };
                 // within a few pixels a footprint grows little; coarser images are read one of their pixels further

@@ -303,7 +303,8 @@ fn locate_columns<S: Simd>(
             xs.truncate(start + count);
             ys.truncate(start + count);
             // what is seen changes little within a cell: along the row it is interpolated
-            let ends = [start, start + count - 1].map(|at| inverse.footprint(dvec2(xs[at], ys[at])));
+            let ends =
+                [start, start + count - 1].map(|at| inverse.footprint(dvec2(xs[at], ys[at])));
             spans.push(Span::between(row, from, count, ends));
         }
     }

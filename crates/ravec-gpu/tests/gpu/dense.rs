@@ -23,11 +23,18 @@ fn differences(a: &Image<LinearRgba>, b: &Image<LinearRgba>) -> (usize, f32) {
     let pairs = || a.pixels().iter().zip(b.pixels());
     let bits = |pixel: &LinearRgba| pixel.0.map(f32::to_bits);
     let different = pairs().filter(|(a, b)| bits(a) != bits(b)).count();
-    let largest = pairs().flat_map(|(a, b)| a.0.into_iter().zip(b.0)).fold(0.0f32, |most, (a, b)| {
-        // what is no number must be none on both
-        assert_eq!(a.is_finite(), b.is_finite());
-        if a.is_finite() { most.max((a - b).abs()) } else { most }
-    });
+    let largest =
+        pairs()
+            .flat_map(|(a, b)| a.0.into_iter().zip(b.0))
+            .fold(0.0f32, |most, (a, b)| {
+                // what is no number must be none on both
+                assert_eq!(a.is_finite(), b.is_finite());
+                if a.is_finite() {
+                    most.max((a - b).abs())
+                } else {
+                    most
+                }
+            });
     (different, largest)
 }
 
@@ -45,8 +52,15 @@ fn all_modes_keep_their_bounds_on_all_scenes() {
         let image: Image<Srgb<u8>> = image.convert();
         for mode in MODES {
             let (different, largest) = compare(&image, Rect::of(image.size()), &of(mode, 5));
-            let bound = if matches!(mode, Mode::Abstract | Mode::Smooth) { 0.0 } else { 1e-4 };
-            assert!(largest <= bound, "{name} {mode:?}: {different} by up to {largest}");
+            let bound = if matches!(mode, Mode::Abstract | Mode::Smooth) {
+                0.0
+            } else {
+                1e-4
+            };
+            assert!(
+                largest <= bound,
+                "{name} {mode:?}: {different} by up to {largest}"
+            );
         }
     }
 }
@@ -55,7 +69,11 @@ fn all_modes_keep_their_bounds_on_all_scenes() {
 fn windows_of_nine_and_regions() {
     let (_, street) = scenes(120, 90).next().unwrap();
     let image: Image<Srgb<u16>> = street.convert();
-    for region in [Rect::of(image.size()), Rect::new(13, 7, 50, 31), Rect::new(100, 80, 90, 90)] {
+    for region in [
+        Rect::of(image.size()),
+        Rect::new(13, 7, 50, 31),
+        Rect::new(100, 80, 90, 90),
+    ] {
         for mode in [Mode::Abstract, Mode::Smooth] {
             let found = compare(&image, region, &of(mode, 9));
             assert!(found.1 <= 1e-5, "{mode:?} {region:?}: {found:?}");
@@ -75,7 +93,11 @@ fn transparency_strength_and_iterations() {
         };
         let found = compare(&image, whole, &params);
         // differences of one iteration may move the splits of the next
-        let bound = if matches!(mode, Mode::Abstract | Mode::Smooth) { 1e-5 } else { 5e-3 };
+        let bound = if matches!(mode, Mode::Abstract | Mode::Smooth) {
+            1e-5
+        } else {
+            5e-3
+        };
         assert!(found.1 <= bound, "{mode:?}: {found:?}");
         let rgba: Image<Srgba<u8>> = image.convert();
         let found = compare(&rgba, Rect::new(20, 11, 33, 21), &of(mode, 5));

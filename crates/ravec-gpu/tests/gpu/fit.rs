@@ -59,7 +59,16 @@ fn all_pixel_types() {
 
 #[test]
 fn all_remainders_of_the_size() {
-    for (width, height) in [(1, 1), (1, 40), (3, 2), (7, 9), (8, 8), (9, 33), (40, 1), (65, 24)] {
+    for (width, height) in [
+        (1, 1),
+        (1, 40),
+        (3, 2),
+        (7, 9),
+        (8, 8),
+        (9, 33),
+        (40, 1),
+        (65, 24),
+    ] {
         let image = glass(width, height);
         for side in FITTED_SIDES {
             assert_identical("glass", &image, &of_side(side));

@@ -12,7 +12,8 @@ fn deformation<P: GpuPixel + Resample>(image: &Image<P>, to: (usize, usize)) -> 
         grid_cells: Some(20),
         ..RetargetParams::default()
     };
-    let retargeter = Retargeter::new(image, Painted::default(), &params, &Progress::none()).unwrap();
+    let retargeter =
+        Retargeter::new(image, Painted::default(), &params, &Progress::none()).unwrap();
     retargeter.solve(Size::new(to.0, to.1).unwrap()).unwrap()
 }
 
@@ -33,9 +34,13 @@ fn light_of_scenes_is_that_of_the_cpu() {
     for (name, image) in scenes(163, 117).take(4) {
         let image: Image<LinearRgb> = image.convert();
         for to in SIZES {
-            let Some([a, b]) = both(&image, to) else { return };
+            let Some([a, b]) = both(&image, to) else {
+                return;
+            };
             let pairs = a.pixels().iter().zip(b.pixels());
-            let most = pairs.flat_map(|(a, b)| (0..3).map(|c| (a.0[c] - b.0[c]).abs())).fold(0.0, f32::max);
+            let most = pairs
+                .flat_map(|(a, b)| (0..3).map(|c| (a.0[c] - b.0[c]).abs()))
+                .fold(0.0, f32::max);
             assert!(most < 1e-3, "{name} {to:?}: {most}");
         }
     }
@@ -47,16 +52,24 @@ fn samples_differ_by_one_step_at_most() {
     let image: Image<Srgb<u8>> = image.convert();
     let glass: Image<Srgba<u8>> = glass(163, 117).convert();
     for to in SIZES {
-        let Some([a, b]) = both(&image, to) else { return };
+        let Some([a, b]) = both(&image, to) else {
+            return;
+        };
         for (a, b) in a.pixels().iter().zip(b.pixels()) {
-            assert!((0..3).all(|c| a.0[c].abs_diff(b.0[c]) <= 1), "{to:?}: {a:?} {b:?}");
+            assert!(
+                (0..3).all(|c| a.0[c].abs_diff(b.0[c]) <= 1),
+                "{to:?}: {a:?} {b:?}"
+            );
         }
         let [a, b] = both(&glass, to).unwrap();
         for (a, b) in a.pixels().iter().zip(b.pixels()) {
             assert!(a.0[3].abs_diff(b.0[3]) <= 1, "{to:?}: {a:?} {b:?}");
             // colors that hardly show are found from small numbers
             let shown = a.0[3] > 8;
-            assert!(!shown || (0..3).all(|c| a.0[c].abs_diff(b.0[c]) <= 2), "{to:?}: {a:?} {b:?}");
+            assert!(
+                !shown || (0..3).all(|c| a.0[c].abs_diff(b.0[c]) <= 2),
+                "{to:?}: {a:?} {b:?}"
+            );
         }
     }
 }

@@ -15,14 +15,35 @@ fn maps(size: Size) -> Vec<(&'static str, Homography)> {
         Homography::from_pairs(&corners, &q.map(|[x, y]| dvec2(x * w, y * h))).unwrap()
     };
     vec![
-        ("identity", Homography::from_translation(dvec2(0.0, 0.0)).unwrap()),
-        ("shift", Homography::from_translation(dvec2(7.0, -3.0)).unwrap()),
-        ("part of a pixel", Homography::from_translation(dvec2(-5.3, 4.7)).unwrap()),
-        ("enlarged", Homography::from_scale(dvec2(0.31, 0.27)).unwrap()),
+        (
+            "identity",
+            Homography::from_translation(dvec2(0.0, 0.0)).unwrap(),
+        ),
+        (
+            "shift",
+            Homography::from_translation(dvec2(7.0, -3.0)).unwrap(),
+        ),
+        (
+            "part of a pixel",
+            Homography::from_translation(dvec2(-5.3, 4.7)).unwrap(),
+        ),
+        (
+            "enlarged",
+            Homography::from_scale(dvec2(0.31, 0.27)).unwrap(),
+        ),
         ("reduced", Homography::from_scale(dvec2(2.3, 1.7)).unwrap()),
-        ("much reduced", Homography::from_scale(dvec2(19.0, 23.0)).unwrap()),
-        ("tilted", quad([[0.1, 0.2], [0.8, 0.0], [0.9, 1.0], [0.2, 0.7]])),
-        ("beyond the border", quad([[-0.6, -0.4], [1.5, 0.2], [1.2, 1.6], [0.1, 0.9]])),
+        (
+            "much reduced",
+            Homography::from_scale(dvec2(19.0, 23.0)).unwrap(),
+        ),
+        (
+            "tilted",
+            quad([[0.1, 0.2], [0.8, 0.0], [0.9, 1.0], [0.2, 0.7]]),
+        ),
+        (
+            "beyond the border",
+            quad([[-0.6, -0.4], [1.5, 0.2], [1.2, 1.6], [0.1, 0.9]]),
+        ),
         (
             "with a horizon",
             Homography::from_matrix(DMat3::from_cols_array(&[
@@ -35,7 +56,10 @@ fn maps(size: Size) -> Vec<(&'static str, Homography)> {
 
 fn assert_near(name: &str, image: &Image<PremulLinearRgba>, map: &Homography, size: Size) {
     let Some(gpu) = gpu() else { return };
-    for beyond in [Beyond::Border, Beyond::Pixel(PremulLinearRgba([0.2, 0.1, 0.0, 0.5]))] {
+    for beyond in [
+        Beyond::Border,
+        Beyond::Pixel(PremulLinearRgba([0.2, 0.1, 0.0, 0.5])),
+    ] {
         let on_cpu = warp(image, map, size, beyond, &Progress::none()).unwrap();
         let on_gpu = warp_homography(gpu, image, map, size, beyond, &Progress::none()).unwrap();
         assert!(!gpu.is_lost(), "{:?}", gpu.take_warnings());

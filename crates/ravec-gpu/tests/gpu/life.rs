@@ -31,7 +31,10 @@ fn a_lost_device_leaves_the_rest_to_the_cpu() {
     gpu.take_warnings();
     let small = glass(40, 40);
     let expected = TwoColorField::fit(&small, &params, &Progress::none()).unwrap();
-    assert_eq!(fit(&gpu, &small, &params, &Progress::none()).unwrap(), expected);
+    assert_eq!(
+        fit(&gpu, &small, &params, &Progress::none()).unwrap(),
+        expected
+    );
 }
 
 #[test]
@@ -52,7 +55,15 @@ fn cancelled_work_stops() {
     let found = fit(gpu, &glass(64, 48), &FitParams::default(), &progress);
     assert!(matches!(found, Err(FitError::Cancelled(_))));
     // and the next work is not disturbed
-    assert!(fit(gpu, &glass(64, 48), &FitParams::default(), &Progress::none()).is_ok());
+    assert!(
+        fit(
+            gpu,
+            &glass(64, 48),
+            &FitParams::default(),
+            &Progress::none()
+        )
+        .is_ok()
+    );
 }
 
 #[test]
@@ -67,7 +78,10 @@ fn threads_share_a_device() {
                 })
             })
             .collect();
-        workers.into_iter().map(|worker| worker.join().unwrap()).collect()
+        workers
+            .into_iter()
+            .map(|worker| worker.join().unwrap())
+            .collect()
     });
     for (k, field) in fields.iter().enumerate() {
         let image = glass(60 + k, 50);
@@ -79,14 +93,28 @@ fn threads_share_a_device() {
 #[test]
 fn software_is_never_taken_without_its_name() {
     let found = adapters();
-    assert!(Gpu::open(&DeviceChoice::Cpu, OpenOptions::default()).unwrap().is_none());
-    let error = Gpu::open(&DeviceChoice::Named("no such adapter".to_owned()), OpenOptions::default());
+    assert!(
+        Gpu::open(&DeviceChoice::Cpu, OpenOptions::default())
+            .unwrap()
+            .is_none()
+    );
+    let error = Gpu::open(
+        &DeviceChoice::Named("no such adapter".to_owned()),
+        OpenOptions::default(),
+    );
     assert!(matches!(error, Err(GpuError::NoAdapter { .. })));
     if found.iter().all(|adapter| adapter.is_software) {
-        assert!(Gpu::open(&DeviceChoice::Auto, OpenOptions::default()).unwrap().is_none());
+        assert!(
+            Gpu::open(&DeviceChoice::Auto, OpenOptions::default())
+                .unwrap()
+                .is_none()
+        );
         let error = Gpu::open(&DeviceChoice::Gpu, OpenOptions::default()).unwrap_err();
         let text = error.to_string();
-        assert!(found.iter().all(|adapter| text.contains(&adapter.name)), "{text}");
+        assert!(
+            found.iter().all(|adapter| text.contains(&adapter.name)),
+            "{text}"
+        );
     }
     if let Some(gpu) = gpu() {
         assert!(gpu.adapter().is_software && gpu.adapter().name.contains(ADAPTER));

@@ -18,7 +18,10 @@ const ADAPTER: &str = "llvmpipe";
 
 /// A device of its own.
 fn open() -> Option<Gpu> {
-    match Gpu::open(&DeviceChoice::Named(ADAPTER.to_owned()), OpenOptions::default()) {
+    match Gpu::open(
+        &DeviceChoice::Named(ADAPTER.to_owned()),
+        OpenOptions::default(),
+    ) {
         Ok(gpu) => gpu,
         Err(GpuError::NoAdapter { .. }) => {
             eprintln!("SKIPPED: no software driver for Vulkan; install mesa-vulkan-drivers");

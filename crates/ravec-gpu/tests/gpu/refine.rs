@@ -36,7 +36,11 @@ fn distances([a, b]: &[TwoColorField; 2]) -> Vec<f64> {
             let along = a.normal.perp() * reach;
             let foot = a.normal * a.offset_px;
             let ends: [DVec2; 2] = [foot + along, foot - along];
-            Some(ends.into_iter().map(|end| b.signed_distance(end).abs()).fold(0.0, f64::max))
+            Some(
+                ends.into_iter()
+                    .map(|end| b.signed_distance(end).abs())
+                    .fold(0.0, f64::max),
+            )
         })
         .collect();
     distances.sort_by(f64::total_cmp);
@@ -50,27 +54,38 @@ fn lines_of_all_scenes_are_those_of_the_cpu() {
     for (_, image) in scenes(163, 117) {
         let image: Image<Srgb<u8>> = image.convert();
         for side in [4, 8, 16] {
-            let Some(fields) = both(&image, side) else { return };
+            let Some(fields) = both(&image, side) else {
+                return;
+            };
             all.extend(distances(&fields));
             for (error, field) in errors.iter_mut().zip(&fields) {
                 let drawn = render_to(field, image.size(), &Progress::none()).unwrap();
                 let light: Image<LinearRgb> = image.convert();
                 for (a, b) in drawn.pixels().iter().zip(light.pixels()) {
-                    *error += (0..3).map(|c| f64::from((a.0[c] - b.0[c]).powi(2))).sum::<f64>();
+                    *error += (0..3)
+                        .map(|c| f64::from((a.0[c] - b.0[c]).powi(2)))
+                        .sum::<f64>();
                 }
             }
         }
     }
     all.sort_by(f64::total_cmp);
     let at = |share: f64| all[((all.len() - 1) as f64 * share) as usize];
-    assert!(at(0.5) < 1e-5 && at(0.98) < 0.01, "{} {}", at(0.5), at(0.98));
+    assert!(
+        at(0.5) < 1e-5 && at(0.98) < 0.01,
+        "{} {}",
+        at(0.5),
+        at(0.98)
+    );
     assert!((errors[1] / errors[0] - 1.0).abs() < 1e-3, "{errors:?}");
 }
 
 #[test]
 fn transparency_borders_and_values_that_are_no_numbers() {
     let mut image = glass(101, 67);
-    let Some(fields) = both(&image, 8) else { return };
+    let Some(fields) = both(&image, 8) else {
+        return;
+    };
     let found = distances(&fields);
     assert!(found[found.len() * 95 / 100] < 0.01, "{found:?}");
     image[(30, 30)].0[0] = f32::NAN;

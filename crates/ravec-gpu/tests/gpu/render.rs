@@ -29,11 +29,17 @@ fn assert_near(name: &str, field: &TwoColorField, size: Size) {
         .unwrap();
         for (at, (a, b)) in on_cpu.pixels().iter().zip(on_gpu.pixels()).enumerate() {
             let [alpha_a, alpha_b] = [a, b].map(|pixel| pixel.0[3]);
-            assert!((alpha_a - alpha_b).abs() <= 1e-5, "{name} {size} {at}: {a:?} {b:?}");
+            assert!(
+                (alpha_a - alpha_b).abs() <= 1e-5,
+                "{name} {size} {at}: {a:?} {b:?}"
+            );
             for c in 0..3 {
                 // light counts as much as it is seen
                 let difference = (a.0[c] * alpha_a - b.0[c] * alpha_b).abs();
-                assert!(difference <= 1e-5 * a.0[c].abs().max(1.0), "{name} {size} {at}: {a:?} {b:?}");
+                assert!(
+                    difference <= 1e-5 * a.0[c].abs().max(1.0),
+                    "{name} {size} {at}: {a:?} {b:?}"
+                );
             }
         }
     }
@@ -41,7 +47,14 @@ fn assert_near(name: &str, field: &TwoColorField, size: Size) {
 
 #[test]
 fn scenes_at_many_sizes() {
-    let sizes = [(163, 117), (326, 234), (500, 20), (1, 1), (40, 29), (17, 300)];
+    let sizes = [
+        (163, 117),
+        (326, 234),
+        (500, 20),
+        (1, 1),
+        (40, 29),
+        (17, 300),
+    ];
     for (name, image) in scenes(163, 117).take(6) {
         let field = field(&image.convert(), 8);
         for (width, height) in sizes {
@@ -71,7 +84,8 @@ fn edges_far_from_the_corner_are_as_exact_as_near_ones() {
     });
     let field = field(&image.convert(), 8);
     let size = Size::new(60_000, 12).unwrap();
-    let on_gpu = render_field(gpu, &field, size, RenderStyle::TwoColors, &Progress::none()).unwrap();
+    let on_gpu =
+        render_field(gpu, &field, size, RenderStyle::TwoColors, &Progress::none()).unwrap();
     let blocks = 60_000 / 12;
     for row in 0..12 {
         for col in 0..12 {

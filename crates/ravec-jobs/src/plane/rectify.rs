@@ -8,7 +8,7 @@ use crate::pixel_centers::PixelCenters;
 use crate::plane::{Focal, Quad, Ratio, check_paths};
 use crate::report::Report;
 use glam::{DVec2, dvec2};
-use ravec::planar::{Beyond, Known, Straight, proportions, straight_view, warp};
+use ravec::planar::{Beyond, Known, Straight, proportions, straight_view};
 use ravec::raster::{Color as _, Image, LinearRgba, PremulLinearRgba, Size};
 use ravec_media::{Picture, WriteOptions, focal_px_from_35mm};
 use serde::{Deserialize, Serialize};
@@ -231,8 +231,13 @@ impl Operation for Rectify {
                     ravec::raster::Srgb(rgb).to_linear(),
                 )),
             };
-            warp(&source, map, straight_size, beyond, progress).map(|image| settled(&image))
+            let straight =
+                context
+                    .device
+                    .warp_homography(&source, map, straight_size, beyond, progress);
+            straight.map(|image| settled(&image))
         })?;
+        context.device.report_warnings(&mut report);
         let result = picture.with_image(&straight);
         files::write(
             output,

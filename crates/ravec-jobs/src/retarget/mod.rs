@@ -404,10 +404,11 @@ impl Retarget {
         context: &Context,
     ) -> Result<(), JobError> {
         let image: AnyImage = report
-            .time(
-                "warp",
-                || context.device.warp(deformation, &picture.image, &context.progress),
-            )
+            .time("warp", || {
+                context
+                    .device
+                    .warp(deformation, &picture.image, &context.progress)
+            })
             .map_err(|cause| JobError::from_retargeting(&self.input, cause))?;
         context.device.report_warnings(report);
         if let Some(path) = &self.show_grid {

@@ -74,7 +74,7 @@ pub(crate) fn map_clip<O: Operation>(
     report: &mut Report,
     context: &Context,
     size: impl FnOnce(Size) -> Result<Size, JobError>,
-    mut change: impl FnMut(&AnyImage, &mut Report, &Context) -> Result<AnyImage, JobError>,
+    mut change: impl FnMut(&AnyImage, &mut Report, &Context) -> Result<AnyImage, JobError> + Send,
 ) -> Result<(), JobError> {
     let ClipFiles {
         input,
@@ -102,10 +102,23 @@ pub(crate) fn map_clip<O: Operation>(
     let mut inner = context.clone();
     inner.progress = context.progress.silent();
     let mut sums: BTreeMap<&'static str, (f64, u64)> = BTreeMap::new();
-    while let Some(frame) = clip.next_frame().map_err(read_error(input))? {
+    // while a frame is changed, the one before is encoded and the next one decoded
+    let mut next = clip.next_frame().map_err(read_error(input))?;
+    let mut changed_before = None;
+    while let Some(frame) = next {
         context.progress.check()?;
         let mut own = Report::new(O::NAME, &());
-        let image = change(&frame.picture.to_image(), &mut own, &inner)?;
+        let (changed, read_and_written) = rayon::join(
+            || change(&frame.picture.to_image(), &mut own, &inner),
+            || {
+                if let Some(frame) = changed_before.take() {
+                    written.write(frame, report)?;
+                }
+                clip.next_frame().map_err(read_error(input))
+            },
+        );
+        let image = changed?;
+        next = read_and_written?;
         for warning in own.warnings {
             if !report.warnings.contains(&warning) {
                 report.warnings.push(warning);
@@ -117,8 +130,11 @@ pub(crate) fn map_clip<O: Operation>(
         }
         let picture = FramePicture::Image(image);
         let time = frame.time;
-        written.write(Frame { picture, time }, report)?;
+        changed_before = Some(Frame { picture, time });
         phase.advance(1);
+    }
+    if let Some(frame) = changed_before {
+        written.write(frame, report)?;
     }
     if let Some(damage) = clip.damage() {
         let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);

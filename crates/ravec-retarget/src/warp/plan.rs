@@ -62,7 +62,11 @@ impl Deformation {
     /// # Panics
     /// If the new picture has fewer rows.
     pub fn warp_plan(&self, rows: Range<usize>) -> WarpPlan {
-        assert!(rows.end <= self.size().height(), "rows {rows:?} of {}", self.size());
+        assert!(
+            rows.end <= self.size().height(),
+            "rows {rows:?} of {}",
+            self.size()
+        );
         dispatch!(Level::new(), simd => Planner::new(self, rows).plan(|inverse, first, y, places| {
             inverse.sources(simd, first, y, places);
         }))
@@ -97,8 +101,11 @@ impl<'a> Planner<'a> {
     }
 
     fn plan(self, sources: impl Fn(&CellInverse, f64, f64, [&mut [f64]; 2])) -> WarpPlan {
-        let inverses: Vec<CellInverse> =
-            self.cells.iter().map(|&cell| self.locator.inverse(cell, self.source_unit)).collect();
+        let inverses: Vec<CellInverse> = self
+            .cells
+            .iter()
+            .map(|&cell| self.locator.inverse(cell, self.source_unit))
+            .collect();
         let mut plan = WarpPlan {
             cells: inverses.iter().map(CellInverse::cell).collect(),
             ..WarpPlan::default()
@@ -125,8 +132,17 @@ impl<'a> Planner<'a> {
                 while first < stretch.end {
                     let end = ((first / self.columns + 1) * self.columns).min(stretch.end);
                     let ends = [first, end - 1].map(place);
-                    let span = Span::between(row, first, end - first, ends.map(|at| inverse.footprint(at)));
-                    let reach = super::REACH * span.width.y.max((span.width + span.step * span.count as f64).y);
+                    let span = Span::between(
+                        row,
+                        first,
+                        end - first,
+                        ends.map(|at| inverse.footprint(at)),
+                    );
+                    let reach = super::REACH
+                        * span
+                            .width
+                            .y
+                            .max((span.width + span.step * span.count as f64).y);
                     low = low.min(ends[0].y.min(ends[1].y) - reach);
                     high = high.max(ends[0].y.max(ends[1].y) + reach);
                     plan.spans.push(WarpSpan {
@@ -146,7 +162,11 @@ impl<'a> Planner<'a> {
         // a row more at each end, for what is rounded
         let inside = |row: f64| row.clamp(0.0, last) as usize;
         plan.source_rows = inside(low - 2.0)..inside(high + 2.0) + 1;
-        debug_assert!(plan.spans.iter().all(|span| span.first + span.count <= self.width));
+        debug_assert!(
+            plan.spans
+                .iter()
+                .all(|span| span.first + span.count <= self.width)
+        );
         plan
     }
 }
