@@ -160,6 +160,17 @@ const CRATES: &[Crate] = &[
         ],
     },
     Crate {
+        name: "ravec-gpu",
+        layer: "assembly",
+        uses: &[
+            "ravec-twocolor",
+            "ravec-planar",
+            "ravec-retarget",
+            "ravec-raster",
+            "ravec-progress",
+        ],
+    },
+    Crate {
         name: "ravec-catalogue",
         layer: "assembly",
         uses: &[
@@ -189,6 +200,7 @@ const CRATES: &[Crate] = &[
             "ravec-mesh-io",
             "ravec-mesh-render",
             "ravec-raster",
+            "ravec-gpu",
             "ravec-memory",
             "ravec-pieces",
             "ravec-progress",
@@ -301,6 +313,8 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
             "xtask",
         ],
     ),
+    // devices beside the CPU
+    (&["pollster", "wgpu"], &["ravec-gpu"]),
     // the interpreter of Python
     (&["numpy", "pyo3"], &["ravec-python"]),
     // windows

@@ -26,6 +26,10 @@ pub struct Device {
     gpu: Option<Arc<Gpu>>,
 }
 
+#[cfg_attr(
+    not(feature = "gpu"),
+    expect(clippy::unused_self, reason = "there is no device but the CPU")
+)]
 impl Device {
     /// Opens a device: `cpu`, `gpu` for a hardware adapter, `auto` for a hardware adapter if there is one and else the CPU, or
     /// part of an adapter's name.

@@ -12,13 +12,14 @@ mod shot;
 
 use crate::analyses::AnalysisView;
 use crate::content::{Content, View, Visible};
+use crate::device::edit_context;
 use crate::document::{Document, EditId, is_result_name};
 use crate::painting::Painting;
 use crate::shown::Shown;
 use cache::Cache;
 use evaluate::{Evaluated, evaluate};
 use ravec::progress::{Progress, Update};
-use ravec_jobs::{Context, Report};
+use ravec_jobs::Report;
 use ravec_media::Picture;
 use shot::OpenShot;
 use std::collections::HashMap;
@@ -365,7 +366,7 @@ pub fn export(
     if recipe.steps.is_empty() {
         return Err("there is no edit to export".to_owned());
     }
-    let context = Context::new(progress).with_intermediates();
+    let context = edit_context(progress).with_intermediates();
     let mut written = Vec::new();
     for step in &recipe.steps {
         let report = step
@@ -488,7 +489,7 @@ mod tests {
             file: recipe,
             params: ravec_jobs::recipe::Params::default(),
         };
-        ravec_jobs::Operation::run(&run, &Context::default()).unwrap();
+        ravec_jobs::Operation::run(&run, &ravec_jobs::Context::default()).unwrap();
         assert_eq!(
             std::fs::read(first).unwrap(),
             std::fs::read(second).unwrap()

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use ravec_studio::measure::{Script, Stage, measure};
-use ravec_studio::{Controls, Studio, autosave};
+use ravec_studio::{Controls, Studio, autosave, choose_device};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -12,6 +12,10 @@ use std::process::ExitCode;
 struct Arguments {
     /// Pictures, meshes, clips or projects to open
     files: Vec<PathBuf>,
+    /// Device for two-color pixels and warps: `cpu`, `gpu` for a hardware adapter, `auto` for one if there is one, or part of the
+    /// name of an adapter
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    device: String,
     /// Play the gestures of a script without a window, and print the times from event to shown picture
     #[arg(long, value_name = "SCRIPT.json", conflicts_with = "files")]
     measure: Option<PathBuf>,
@@ -31,10 +35,10 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let outcome = match &arguments.measure {
+    let outcome = choose_device(&arguments.device).and_then(|()| match &arguments.measure {
         Some(script) => print_times(script, &arguments),
         None => open_window(arguments),
-    };
+    });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(reason) => {

@@ -5,6 +5,7 @@ mod brush;
 mod compare;
 mod complete;
 mod demo;
+mod device;
 mod examples;
 mod extremes;
 mod frame;

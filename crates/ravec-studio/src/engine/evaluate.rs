@@ -4,6 +4,7 @@ use super::cache::{Cache, Cached, source_key};
 use super::shot::{OpenShot, ShotEdit};
 use super::{EditInput, Failure, Request, lock};
 use crate::content::{Content, Kind, View, Visible};
+use crate::device::edit_context;
 use crate::document::{Edit, EditId, is_result_name, result_name};
 use crate::painting::Painting;
 use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
@@ -219,7 +220,7 @@ pub(crate) fn run_in_memory(
     let (from, to) = (result_name(0), result_name(1));
     let edit = edit.without_side_outputs();
     let step = edit.step(&from, &to).map_err(RunError::Edit)?;
-    let context = Context::new(progress).with_intermediates();
+    let context = edit_context(progress).with_intermediates();
     match input {
         Content::Picture(picture) => context.insert_picture(&from, Picture::clone(picture)),
         Content::Mesh(mesh) => context.insert_mesh(&from, mesh.clone()),

@@ -3,10 +3,10 @@
 use super::plain::{draft, seen_part};
 use super::{Desk, DraftFn, Gesture, Hand, Tool, with_params};
 use crate::content::Kind;
+use crate::device::edit_context;
 use crate::document::Edit;
 use egui::{Color32, Stroke, Ui};
 use ravec::raster::{AnyImage, with_image};
-use ravec_jobs::Context;
 use ravec_jobs::twocolor::{Params, lines};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -69,7 +69,7 @@ impl TwoColor {
             let cut = with_image!(&picture.image, image => {
                 image.crop(part.col, part.row, size).map(AnyImage::from)
             });
-            let segments = lines(&cut.ok()?, &params, &Context::new(progress)).ok()?;
+            let segments = lines(&cut.ok()?, &params, &edit_context(progress)).ok()?;
             Some(Lines { key, segments })
         });
     }
