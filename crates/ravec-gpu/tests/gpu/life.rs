@@ -2,10 +2,12 @@
 
 use crate::pictures::glass;
 use crate::{ADAPTER, gpu, open};
-use ravec_gpu::{DeviceChoice, Gpu, GpuError, OpenOptions, adapters, fit};
+use ravec_gpu::{
+    DeviceChoice, Gpu, GpuError, OpenOptions, RenderStyle, adapters, fit, render_field,
+};
 use ravec_progress::Progress;
 use ravec_raster::{Image, Size, Srgb};
-use ravec_twocolor::{FitError, FitParams, TwoColorField};
+use ravec_twocolor::{FitError, FitParams, TwoColorField, render_to};
 
 #[test]
 fn a_lost_device_leaves_the_rest_to_the_cpu() {
@@ -119,4 +121,38 @@ fn software_is_never_taken_without_its_name() {
     if let Some(gpu) = gpu() {
         assert!(gpu.adapter().is_software && gpu.adapter().name.contains(ADAPTER));
     }
+}
+
+#[test]
+fn what_does_not_fit_the_device_is_done_by_the_cpu() {
+    let Some(gpu) = open() else { return };
+    // one pixel of the rendering needs all blocks, more than a binding holds
+    let size = Size::new(3600, 3600).unwrap();
+    let image = Image::from_fn(size, |col, row| {
+        Srgb([(col / 3) as u8, (row / 5) as u8, 90])
+    });
+    let params = FitParams {
+        block_px: 2,
+        ..FitParams::default()
+    };
+    let field = TwoColorField::fit(&image, &params, &Progress::none()).unwrap();
+    let one = Size::new(1, 1).unwrap();
+    let found = render_field(&gpu, &field, one, RenderStyle::TwoColors, &Progress::none());
+    let expected = render_to(&field, one, &Progress::none());
+    assert_eq!(found.unwrap(), expected.unwrap());
+    let warnings = gpu.take_warnings();
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("memory"),
+        "{warnings:?}"
+    );
+    // the device is still good for what fits
+    assert!(!gpu.is_lost());
+    let small = render_field(
+        &gpu,
+        &field,
+        size,
+        RenderStyle::TwoColors,
+        &Progress::none(),
+    );
+    assert!(small.is_ok() && gpu.take_warnings().is_empty());
 }
