@@ -151,8 +151,11 @@ impl Picture {
     /// A result of work on this picture: its pixels are `image`, and it is written like this one.
     ///
     /// Pixels get the type that this picture's have, with alpha only if some pixel is not opaque. A gray source stays
-    /// gray as long as every pixel is gray, which is checked when writing. Warnings are not inherited.
+    /// gray as long as every pixel is gray, which is checked when writing; channels that differ by no more than the rounding
+    /// of a color space count as equal there. Warnings are not inherited.
     pub fn with_image(&self, image: &Image<LinearRgba>) -> Self {
+        let neutral = self.origin.gray.then(|| image.map(without_rounding));
+        let image = neutral.as_ref().unwrap_or(image);
         let opaque = image.is_opaque();
         let image: AnyImage = match (&self.image, opaque) {
             (AnyImage::Srgb8(_) | AnyImage::Srgba8(_), true) => image.convert::<Srgb<u8>>().into(),
@@ -187,6 +190,20 @@ impl Picture {
     }
 }
 
+/// Differences between the channels of a gray that come from rounding: a few units of single precision on the way through
+/// Oklab, in linear light.
+const ROUNDING: f32 = 4e-6;
+
+/// A nearly gray pixel made gray.
+fn without_rounding(pixel: LinearRgba) -> LinearRgba {
+    let [r, g, b, alpha] = pixel.0;
+    if (r - g).abs() <= ROUNDING && (b - g).abs() <= ROUNDING {
+        LinearRgba([g, g, g, alpha])
+    } else {
+        pixel
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -212,5 +229,22 @@ mod tests {
             AnyImage::LinearAlpha(_)
         ));
         assert_eq!(float.origin.sample, SampleKind::F32);
+    }
+
+    #[test]
+    fn rounding_does_not_color_a_gray() {
+        let size = Size::new(2, 1).unwrap();
+        let mut gray = Picture::from_image(Image::new(size, Srgb([9u8; 3])));
+        // half a step of 8 bit lies between these two
+        let between = ravec_raster::color::linear_from_srgb(100.5 / 255.0);
+        let nearly = LinearRgba([between - 1e-6, between + 1e-6, between, 1.0]);
+        let work = Image::new(size, nearly);
+        let channels_differ = |picture: &Picture| match &picture.image {
+            AnyImage::Srgb8(image) => image[(0, 0)].0[0] != image[(0, 0)].0[1],
+            _ => panic!("another type"),
+        };
+        assert!(channels_differ(&gray.with_image(&work)));
+        gray.origin.gray = true;
+        assert!(!channels_differ(&gray.with_image(&work)));
     }
 }
