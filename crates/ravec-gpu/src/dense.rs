@@ -152,17 +152,17 @@ fn step_bands<P: GpuPixel>(
             rows.min(region.bottom() - row),
         )
     });
-    let (_, result) = gpu.pipelined(
+    gpu.pipelined(
         bands,
         progress,
-        |band| operator.submit(band),
-        |band, bytes| {
-            pixels.extend_from_slice(bytemuck::cast_slice(&bytes[..16 * band.pixels()]));
+        |band| Ok(((), operator.submit(band)?)),
+        |band, (), bytes| {
+            let bytes = &bytes[..size_of::<LinearRgba>() * band.pixels()];
+            pixels.extend_from_slice(bytemuck::cast_slice(bytes));
             phase.advance(band.height as u64);
             Ok(())
         },
-    );
-    result
+    )
 }
 
 /// What all bands share.

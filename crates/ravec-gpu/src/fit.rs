@@ -16,7 +16,7 @@ use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::plane::{MAX_PLANE_PIXELS, Plane, PlaneColor, Planes};
 use crate::upload::GpuPixel;
-use crate::work::{Pending, Run, Words};
+use crate::work::{Pending, Run, Words, bands};
 use ravec_progress::Progress;
 use ravec_raster::Image;
 use ravec_twocolor::{
@@ -161,28 +161,17 @@ fn fit_bands<P: GpuPixel>(
     let grid = image.size().cells(params.block_px);
     let phase = progress.phase("fit", grid.height() as u64);
     let rows = fitter.block_rows_in_a_band();
-    let bands = (0..grid.height())
-        .step_by(rows)
-        .map(|first| [first, (first + rows).min(grid.height())]);
-    // the plane of a band is kept for the blocks of its second run
-    let planes = std::cell::RefCell::new(std::collections::VecDeque::new());
-    let (_, result) = gpu.pipelined(
-        bands,
+    gpu.pipelined(
+        bands(grid.height(), rows),
         progress,
-        |[first, end]| {
-            let (plane, pending) = fitter.submit_opaque(first..end)?;
-            planes.borrow_mut().push_back(plane);
-            Ok(pending)
-        },
-        |[first, end], bytes| {
-            let plane = planes.borrow_mut().pop_front();
-            let plane = plane.ok_or_else(|| Failure::Refused("a band is missing".to_owned()))?;
-            blocks.extend(fitter.finish(&plane, first..end, bytes, progress)?);
-            phase.advance((end - first) as u64);
+        // the plane of a band is kept for the blocks of its second run
+        |rows| fitter.submit_opaque(rows),
+        |rows, plane, bytes| {
+            phase.advance(rows.len() as u64);
+            blocks.extend(fitter.finish(&plane, rows, bytes, progress)?);
             Ok(())
         },
-    );
-    result
+    )
 }
 
 /// What all bands of a picture share.

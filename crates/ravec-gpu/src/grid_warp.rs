@@ -7,7 +7,7 @@
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::upload::{GpuPixel, source_constants};
-use crate::work::{Pending, Run};
+use crate::work::{Pending, Run, bands};
 use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba};
@@ -142,23 +142,24 @@ fn warp_bands<P: GpuPixel>(
     let rows = (RUN_PIXELS / warp.width)
         .min(old_rows * height / image.height() / 2)
         .clamp(1, height);
-    let bands = (0..height)
-        .step_by(rows)
-        .map(|first| [first, (first + rows).min(height)]);
-    let (_, result) = gpu.pipelined(
-        bands,
+    gpu.pipelined(
+        bands(height, rows),
         progress,
-        |[first, end]| warp.submit(&deformation.warp_plan(first..end), first..end),
-        |[first, end], bytes| {
-            let count = (end - first) * warp.width;
+        |rows| {
+            Ok((
+                (),
+                warp.submit(&deformation.warp_plan(rows.clone()), &rows)?,
+            ))
+        },
+        |rows, (), bytes| {
+            let count = rows.len() * warp.width;
             let light: &[LinearRgba] =
                 bytemuck::cast_slice(&bytes[..size_of::<LinearRgba>() * count]);
             pixels.par_extend(light.par_iter().map(|&pixel| P::from_linear(pixel)));
-            phase.advance((end - first) as u64);
+            phase.advance(rows.len() as u64);
             Ok(())
         },
-    );
-    result
+    )
 }
 
 struct Warp<'a, P> {
@@ -171,7 +172,7 @@ struct Warp<'a, P> {
 }
 
 impl<P: GpuPixel> Warp<'_, P> {
-    fn submit(&self, plan: &WarpPlan, rows: Range<usize>) -> Result<Pending, Failure> {
+    fn submit(&self, plan: &WarpPlan, rows: &Range<usize>) -> Result<Pending, Failure> {
         let source_rows = plan.source_rows.clone();
         if source_rows.len() * self.image.width() * size_of::<P>() > 2 * MAX_SOURCE_BYTES {
             return Err(Failure::Memory);

@@ -6,7 +6,7 @@
 
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
-use crate::work::{Pending, Run};
+use crate::work::{Pending, Run, bands};
 use glam::{DMat3, DVec2, dvec2};
 use ravec_planar::{Beyond, Homography, WarpParts, warp};
 use ravec_progress::{Cancelled, Progress};
@@ -125,26 +125,24 @@ fn warp_bands(
         )?,
     };
     let phase = progress.phase("warp", size.height() as u64);
-    let mut bands = Vec::new();
+    let mut parts = Vec::new();
     let rows = (RUN_PIXELS / size.width() / TILE).max(1) * TILE;
-    for first in (0..size.height()).step_by(rows) {
-        warper.divide(first..(first + rows).min(size.height()), &mut bands)?;
+    for rows in bands(size.height(), rows) {
+        warper.divide(rows, &mut parts)?;
     }
-    let bands = bands.iter().map(|rows| [rows.start, rows.end]);
-    let (_, result) = gpu.pipelined(
-        bands,
+    gpu.pipelined(
+        parts,
         progress,
-        |[first, end]| warper.submit(first..end),
-        |[first, end], bytes| {
-            let count = (end - first) * size.width();
+        |rows| Ok(((), warper.submit(&rows)?)),
+        |rows, (), bytes| {
+            let count = rows.len() * size.width();
             pixels.extend_from_slice(bytemuck::cast_slice(
                 &bytes[..size_of::<PremulLinearRgba>() * count],
             ));
-            phase.advance((end - first) as u64);
+            phase.advance(rows.len() as u64);
             Ok(())
         },
-    );
-    result
+    )
 }
 
 struct Warper<'a> {
@@ -219,9 +217,9 @@ impl Warper<'_> {
         }
     }
 
-    fn submit(&self, rows: Range<usize>) -> Result<Pending, Failure> {
+    fn submit(&self, rows: &Range<usize>) -> Result<Pending, Failure> {
         let storage = wgpu::BufferUsages::STORAGE;
-        let seen = self.seen(&rows);
+        let seen = self.seen(rows);
         let mut levels = Vec::with_capacity(seen.len());
         let mut pixels: Vec<PremulLinearRgba> = Vec::new();
         for (rows, level) in seen.iter().zip(self.levels) {

@@ -9,7 +9,7 @@ use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::plane::{MAX_PLANE_PIXELS, Plane, PlaneColor, Planes};
 use crate::upload::GpuPixel;
-use crate::work::{Pending, Run, Words};
+use crate::work::{Pending, Run, Words, bands};
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::Image;
@@ -122,20 +122,16 @@ fn refine_bands<P: GpuPixel>(
     let (side, grid) = (field.block_px(), field.grid_size());
     let phase = progress.phase("refine", grid.height() as u64);
     let rows = (MAX_PLANE_PIXELS / (grid.width() * side * side)).max(1);
-    let bands = (0..grid.height())
-        .step_by(rows)
-        .map(|first| [first, (first + rows).min(grid.height())]);
-    let (_, result) = gpu.pipelined(
-        bands,
+    gpu.pipelined(
+        bands(grid.height(), rows),
         progress,
-        |[first, end]| refiner.submit(first..end),
-        |[first, end], bytes| {
-            blocks.extend(refiner.refined(first..end, bytes));
-            phase.advance((end - first) as u64);
+        |rows| Ok(((), refiner.submit(rows)?)),
+        |rows, (), bytes| {
+            phase.advance(rows.len() as u64);
+            blocks.extend(refiner.refined(rows, bytes));
             Ok(())
         },
-    );
-    result
+    )
 }
 
 /// What all bands share.

@@ -5,7 +5,7 @@
 
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
-use crate::work::{Pending, Run};
+use crate::work::{Pending, Run, bands};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::linear_from_oklab;
 use ravec_raster::{Image, LinearRgba, Oklab, Size};
@@ -97,8 +97,7 @@ pub fn render_field(
     }
     let mut pixels = Vec::with_capacity(size.pixels());
     match render_bands(gpu, field, size, style, progress, &mut pixels) {
-        Ok(()) => Ok(Image::from_vec(size.width(), pixels)
-            .unwrap_or_else(|_| Image::new(size, LinearRgba::default()))),
+        Ok(()) => Image::from_vec(size.width(), pixels).or_else(|_| on_cpu()),
         Err(Stopped::Cancelled(cancelled)) => Err(cancelled),
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the rendering", &failure);
@@ -131,23 +130,19 @@ fn render_bands(
     };
     let phase = progress.phase("render", size.height() as u64);
     let rows = renderer.rows_in_a_run()?;
-    let bands = (0..size.height())
-        .step_by(rows)
-        .map(|first| [first, (first + rows).min(size.height())]);
-    let (_, result) = gpu.pipelined(
-        bands,
+    gpu.pipelined(
+        bands(size.height(), rows),
         progress,
-        |[first, end]| renderer.submit(first..end),
-        |[first, end], bytes| {
-            let count = (end - first) * size.width();
+        |rows| Ok(((), renderer.submit(rows)?)),
+        |rows, (), bytes| {
+            let count = rows.len() * size.width();
             pixels.extend_from_slice(bytemuck::cast_slice(
                 &bytes[..size_of::<LinearRgba>() * count],
             ));
-            phase.advance((end - first) as u64);
+            phase.advance(rows.len() as u64);
             Ok(())
         },
-    );
-    result
+    )
 }
 
 struct Renderer<'a> {

@@ -4,9 +4,10 @@ use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use ravec_progress::Progress;
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::mpsc;
 use std::sync::{Arc, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Threads in a group: two to four warps of any hardware, and few enough that a group's private memory fits a cache.
 pub(crate) const GROUP: u32 = 64;
@@ -17,11 +18,11 @@ const GROUPS_PER_ROW: u32 = 32_768;
 /// Bands on the device at a time: one is read back while one is computed and one is uploaded.
 const IN_FLIGHT: usize = 3;
 
-/// Time between two looks at the caller's cancellation.
-const WAIT: Duration = Duration::from_millis(20);
+/// Longest time between two looks at the device and at the caller's cancellation.
+const MAX_PAUSE: Duration = Duration::from_millis(1);
 
-/// Looks after which a device counts as lost: two minutes, far beyond the watchdogs of drivers.
-const MAX_WAITS: usize = 6_000;
+/// After this a device counts as lost: far beyond the watchdogs of drivers.
+const PATIENCE: Duration = Duration::from_mins(2);
 
 /// One run of a kernel.
 pub(crate) struct Run<'a> {
@@ -35,7 +36,6 @@ pub(crate) struct Run<'a> {
 pub(crate) struct Pending {
     buffer: wgpu::Buffer,
     bytes: u64,
-    submission: wgpu::SubmissionIndex,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
 }
 
@@ -187,7 +187,7 @@ impl Gpu {
                 pass.dispatch_workgroups(row, groups.div_ceil(row), 1);
             }
             encoder.copy_buffer_to_buffer(output, 0, &buffer, 0, Some(size));
-            let submission = self.queue.submit([encoder.finish()]);
+            self.queue.submit([encoder.finish()]);
             let (sender, mapped) = mpsc::channel();
             buffer.map_async(wgpu::MapMode::Read, 0..size, move |result| {
                 // the receiver is gone if the work was cancelled
@@ -196,7 +196,6 @@ impl Gpu {
             Pending {
                 buffer: buffer.clone(),
                 bytes: size,
-                submission,
                 mapped,
             }
         })
@@ -209,12 +208,11 @@ impl Gpu {
         progress: &Progress,
         receive: impl FnOnce(&[u8]) -> R,
     ) -> Result<R, Stopped> {
-        for _ in 0..MAX_WAITS {
+        let start = Instant::now();
+        while start.elapsed() < PATIENCE {
             progress.check()?;
-            let poll = self.device.poll(wgpu::PollType::Wait {
-                submission_index: Some(pending.submission.clone()),
-                timeout: Some(WAIT),
-            });
+            // without waiting: waits of several threads end in a panic of wgpu 30 (its pull request 9958)
+            let poll = self.device.poll(wgpu::PollType::Poll);
             match pending.mapped.try_recv() {
                 Ok(Ok(())) => {
                     let view = pending.buffer.get_mapped_range(0..pending.bytes);
@@ -228,9 +226,11 @@ impl Gpu {
                 Err(mpsc::TryRecvError::Empty) => {}
             }
             self.check()?;
-            if !matches!(poll, Ok(_) | Err(wgpu::PollError::Timeout)) {
-                return Err(Failure::Refused("the device cannot be polled".to_owned()).into());
+            if let Err(error) = poll {
+                return Err(Failure::Refused(error.to_string()).into());
             }
+            // short pauses for short work
+            std::thread::sleep((start.elapsed() / 16).min(MAX_PAUSE));
         }
         Err(Failure::Lost("it does not answer".to_owned()).into())
     }
@@ -259,45 +259,44 @@ impl Gpu {
 
     /// Runs bands one after the other, several in flight.
     ///
-    /// `submit` starts a band, `receive` takes its results, in order. Returns the number of bands that were received before
-    /// the device stopped, with the reason, if it did.
-    pub(crate) fn pipelined<Band: Copy>(
+    /// `submit` starts a band and may keep something for it; `receive` takes that and the results, in order. Fails as soon as
+    /// the device does, after the bands that it has computed were received.
+    pub(crate) fn pipelined<Band: Clone, Kept>(
         &self,
         bands: impl IntoIterator<Item = Band>,
         progress: &Progress,
-        mut submit: impl FnMut(Band) -> Result<Pending, Failure>,
-        mut receive: impl FnMut(Band, &[u8]) -> Result<(), Stopped>,
-    ) -> (usize, Result<(), Stopped>) {
-        let mut done = 0;
-        let result = (|| {
-            let mut in_flight = VecDeque::new();
-            let mut finish = |(band, pending): (Band, Pending)| {
-                self.receive(&pending, progress, |bytes| receive(band, bytes))??;
-                done += 1;
-                Ok::<(), Stopped>(())
-            };
-            for band in bands {
-                progress.check()?;
-                if in_flight.len() == IN_FLIGHT
-                    && let Some(first) = in_flight.pop_front()
-                {
-                    finish(first)?;
-                }
-                match submit(band) {
-                    Ok(pending) => in_flight.push_back((band, pending)),
-                    Err(failure) => {
-                        // what is computed already need not be computed again
-                        for first in in_flight {
-                            finish(first)?;
-                        }
-                        return Err(failure.into());
-                    }
+        mut submit: impl FnMut(Band) -> Result<(Kept, Pending), Failure>,
+        mut receive: impl FnMut(Band, Kept, &[u8]) -> Result<(), Stopped>,
+    ) -> Result<(), Stopped> {
+        let mut in_flight = VecDeque::new();
+        let mut finish = |(band, (kept, pending)): (Band, (Kept, Pending))| {
+            self.receive(&pending, progress, |bytes| receive(band, kept, bytes))?
+        };
+        for band in bands {
+            progress.check()?;
+            if in_flight.len() == IN_FLIGHT
+                && let Some(first) = in_flight.pop_front()
+            {
+                finish(first)?;
+            }
+            match submit(band.clone()) {
+                Ok(started) => in_flight.push_back((band, started)),
+                Err(failure) => {
+                    // what is computed already need not be computed again
+                    in_flight.into_iter().try_for_each(finish)?;
+                    return Err(failure.into());
                 }
             }
-            in_flight.into_iter().try_for_each(finish)
-        })();
-        (done, result)
+        }
+        in_flight.into_iter().try_for_each(finish)
     }
+}
+
+/// `count` rows in bands of at most `rows`.
+pub(crate) fn bands(count: usize, rows: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..count)
+        .step_by(rows)
+        .map(move |first| first..(first + rows).min(count))
 }
 
 /// Numbers behind each other in the bytes of a buffer.
