@@ -4,7 +4,7 @@ use crate::document::Edit;
 use crate::shown::Shown;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Color, Image, LinearRgba, Rect, with_image};
-use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes, replay};
+use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes};
 use ravec_media::Picture;
 use std::sync::Arc;
 
@@ -72,15 +72,17 @@ impl Painting {
                 Some(Ok(Some(advanced))) => advanced,
                 Some(Err(error)) => return Err(error),
                 Some(Ok(None)) | None => {
-                    let mut done = Strokes::new(input.image.size());
-                    done.strokes = before.to_vec();
-                    let image = replay(input.convert(), &done, progress)?.image;
-                    let brush = Brush::begin(image, last.clone(), progress)?;
+                    // stroke by stroke, so that each can be taken off again
+                    let mut brush = Brush::begin(input.convert(), strokes[0].clone(), progress)?;
+                    for (number, stroke) in strokes.iter().enumerate().skip(1) {
+                        let painted = brush.next_stroke(stroke.clone(), progress);
+                        painted.map_err(|error| numbered(error, number + 1))?;
+                    }
                     let picture = input.with_image(brush.image());
                     let present = Present {
                         key: key.clone(),
                         brush,
-                        done: done.strokes,
+                        done: before.to_vec(),
                         shown: Shown::new(Arc::new(picture)),
                         spare: None,
                     };
@@ -108,21 +110,29 @@ impl Present {
         progress: &Progress,
     ) -> Result<Option<(Self, Rect)>, StrokeError> {
         let mut region = Rect::default();
-        if before.len() == self.done.len() + 1
-            && before[..self.done.len()] == self.done[..]
-            && before[self.done.len()] == *self.brush.stroke()
-        {
-            let ended = self.brush.stroke().clone();
-            region = self.brush.next_stroke(
-                Stroke {
-                    points: last.points[..1].to_vec(),
-                    ..last.clone()
-                },
-                progress,
-            )?;
-            self.done.push(ended);
-        } else if before != self.done {
+        let shared = before.len().min(self.done.len());
+        if before[..shared] != self.done[..shared] {
             return Ok(None);
+        }
+        // strokes that were undone
+        while self.done.len() > before.len() {
+            let Some(changed) = self.brush.undo_stroke() else {
+                return Ok(None);
+            };
+            region = region.bounding(changed);
+            self.done.pop();
+        }
+        // strokes that follow the one in the hand
+        if before.len() > self.done.len() && before[self.done.len()] != *self.brush.stroke() {
+            return Ok(None);
+        }
+        while self.done.len() < before.len() {
+            let ended = self.brush.stroke().clone();
+            let next = before.get(self.done.len() + 1);
+            let next = next.cloned().unwrap_or_else(|| begun(last));
+            let painted = self.brush.next_stroke(next, progress);
+            region = region.bounding(painted.map_err(|error| numbered(error, before.len() + 1))?);
+            self.done.push(ended);
         }
         let stroke = self.brush.stroke();
         let count = stroke.points.len();
@@ -132,12 +142,31 @@ impl Present {
             ..stroke.clone()
         } == *last;
         if !grows || !same_settings {
-            return Ok(None);
+            // another stroke in the place of the one in the hand
+            let painted = self.brush.replace_stroke(begun(last), progress);
+            region = region.bounding(painted.map_err(|error| numbered(error, before.len() + 1))?);
         }
+        let count = self.brush.stroke().points.len();
         for &point in &last.points[count..] {
             region = region.bounding(self.brush.extend(point, progress)?);
         }
         Ok(Some((self, region)))
+    }
+}
+
+/// A stroke with its first point.
+fn begun(stroke: &Stroke) -> Stroke {
+    Stroke {
+        points: stroke.points.iter().take(1).copied().collect(),
+        ..stroke.clone()
+    }
+}
+
+/// An error of a single stroke as that of stroke `number` of an edit.
+fn numbered(error: StrokeError, number: usize) -> StrokeError {
+    match error {
+        StrokeError::Stroke { problem, .. } => StrokeError::Stroke { number, problem },
+        other => other,
     }
 }
 
@@ -242,6 +271,26 @@ mod tests {
                 assert_eq!(finished.image, expected.image);
             }
             strokes.push(stroke(tool, &points));
+        }
+        // strokes that are undone, several at once, and others in their place, also of the first one
+        let other = stroke(&tools[2], &[[60.0, 10.0], [30.0, 60.0]]);
+        let mut kept = strokes.clone();
+        for (left, then) in [(3, true), (1, true), (2, false), (0, true), (1, false)] {
+            kept.truncate(left);
+            if then {
+                kept.push(other.clone());
+            }
+            let edit = edit(&Value::Array(kept.clone()));
+            let shown = painting.follow(&key, &edit, &input, &Progress::none());
+            let content = Content::Picture(input.clone());
+            let (expected, _) = run_in_memory(&edit, &content, &Progress::none())
+                .unwrap_or_else(|_| panic!("{left} paints"));
+            let expected = Shown::new(expected.picture().unwrap().clone());
+            assert_eq!(
+                shown.unwrap().unwrap().pixels(),
+                expected.pixels(),
+                "{left} {then}"
+            );
         }
         // an undone stroke is painted away, and another picture begins anew
         let undone = edit(&Value::Array(strokes[..2].to_vec()));

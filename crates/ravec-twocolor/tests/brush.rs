@@ -162,6 +162,68 @@ fn strokes_one_after_another_are_the_same_live_and_replayed() {
 }
 
 #[test]
+fn strokes_that_are_undone_and_replaced_leave_the_picture_of_the_others() {
+    let image = picture(96, 80);
+    let progress = Progress::none();
+    let tools: Vec<Tool> = tools()
+        .into_iter()
+        .filter(|tool| *tool != Tool::Mask)
+        .collect();
+    let stroke = |k: usize| {
+        let tool = tools[(k * 7) % tools.len()].clone();
+        let begin = 8.0 + (k * 13 % 60) as f64;
+        Stroke {
+            accumulate: k.is_multiple_of(3),
+            ..Stroke::new(tool, vec![[begin, 20.0], [50.0, 60.0 - begin / 2.0]], 9.0)
+        }
+    };
+    let mut kept = vec![stroke(0)];
+    let mut brush = Brush::begin(image.clone(), stroke(0), &progress).unwrap();
+    let mut state = 5u64;
+    for k in 1..40 {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        match (state >> 60) % 4 {
+            0 if kept.len() > 1 => {
+                let before = brush.image().clone();
+                let changed = brush.undo_stroke().expect("a stroke to undo");
+                kept.pop();
+                for row in 0..80 {
+                    for col in 0..96 {
+                        let same = brush.image()[(col, row)] == before[(col, row)];
+                        assert!(same || changed.contains(col, row), "({col}, {row})");
+                    }
+                }
+            }
+            1 => {
+                brush.replace_stroke(stroke(k), &progress).unwrap();
+                kept.pop();
+                kept.push(stroke(k));
+            }
+            _ => {
+                brush.next_stroke(stroke(k), &progress).unwrap();
+                kept.push(stroke(k));
+            }
+        }
+        assert_eq!(*brush.stroke(), kept[kept.len() - 1]);
+        assert!(
+            *brush.image() == painted(&image, kept.clone()).image,
+            "step {k}"
+        );
+    }
+    while kept.len() > 1 {
+        assert!(brush.undo_stroke().is_some());
+        kept.pop();
+    }
+    assert!(
+        brush.undo_stroke().is_none(),
+        "only the first stroke is left"
+    );
+    assert!(*brush.image() == painted(&image, kept).image);
+}
+
+#[test]
 fn paint_does_not_cross_an_edge_of_64_steps() {
     let image = picture(96, 80);
     let stroke = Stroke {

@@ -1,5 +1,6 @@
 //! A picture before and after the stroke that is being painted.
 
+use super::history::Patch;
 use crate::clean::NoiseLevel;
 use crate::filter_error::FilterError;
 use crate::operator::{OperatorParams, noise_for};
@@ -14,7 +15,7 @@ pub(crate) struct Canvas {
     /// The picture with the stroke.
     pub image: Image<LinearRgba>,
     /// All pixels where the two may differ.
-    painted: Rect,
+    pub painted: Rect,
     /// The noise that the first cleaning stroke found in the whole picture. Later ones use it again: painting does not change
     /// what the camera did, and the estimate costs as much as the picture is large.
     noise: Option<NoiseLevel>,
@@ -45,10 +46,38 @@ impl Canvas {
         Ok(self.noise.clone())
     }
 
+    /// True if a cleaning stroke has found the noise of the picture.
+    pub fn knows_noise(&self) -> bool {
+        self.noise.is_some()
+    }
+
+    /// Lets the next cleaning stroke find the noise of the picture anew.
+    pub fn forget_noise(&mut self) {
+        self.noise = None;
+    }
+
     /// Takes the stroke off the pixels of `region`, which must lie in the picture, before it is painted there anew.
     pub fn wipe(&mut self, region: Rect) {
         copy(&self.before, &mut self.image, region);
         self.painted = union(self.painted, region);
+    }
+
+    /// Takes the stroke off; returns the pixels that may have changed.
+    pub fn take_off(&mut self) -> Rect {
+        copy(&self.before, &mut self.image, self.painted);
+        std::mem::take(&mut self.painted)
+    }
+
+    /// The pixels that the stroke has changed, as they were before it.
+    pub fn patch(&self) -> Patch {
+        Patch::between(&self.before, &self.image, self.painted)
+    }
+
+    /// Makes the stroke of a patch, the last one that ended, the one that is being painted. The one after it must have been
+    /// taken off.
+    pub fn resume(&mut self, patch: &Patch) {
+        patch.restore(&mut self.before);
+        self.painted = patch.painted;
     }
 
     /// Ends the stroke: the next one starts from the painted picture.

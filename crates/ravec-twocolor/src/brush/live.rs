@@ -2,6 +2,7 @@
 
 use super::canvas::Canvas;
 use super::cells::Cells;
+use super::history::{Ended, History};
 use super::path::Path;
 use super::stroke::{Problem, Stroke, StrokeError, Tool};
 use super::tool::Painter;
@@ -32,6 +33,9 @@ pub struct Brush {
     canvas: Canvas,
     mask: Option<Plane>,
     cells: Cells,
+    history: History,
+    /// True if the noise of the picture was known before the stroke.
+    noise_known: bool,
 }
 
 impl Brush {
@@ -49,6 +53,8 @@ impl Brush {
             cells: Cells::new(image.size(), &stroke),
             mask: selection(&stroke, &image),
             canvas: Canvas::new(image),
+            history: History::default(),
+            noise_known: false,
             stroke,
         };
         let path = Path::of(&brush.stroke);
@@ -69,12 +75,69 @@ impl Brush {
         progress: &Progress,
     ) -> Result<Rect, StrokeError> {
         check(&stroke)?;
+        let patch = self.canvas.patch();
         self.canvas.settle();
-        self.cells = Cells::new(self.canvas.image.size(), &stroke);
-        self.mask = selection(&stroke, &self.canvas.image);
-        self.stroke = stroke;
+        let noise_known = self.canvas.knows_noise();
+        let ended = self.put_down(stroke);
+        self.history.push(Ended {
+            stroke: ended,
+            patch,
+            noise_known: std::mem::replace(&mut self.noise_known, noise_known),
+        });
         let path = Path::of(&self.stroke);
         self.repaint(&path, path.bounds(), progress)
+    }
+
+    /// Takes the stroke off the picture and puts the brush down for another in its place; returns the pixels that may have
+    /// changed.
+    ///
+    /// # Errors
+    /// As [`begin`](Self::begin). If `stroke` is invalid, the one before goes on; if cancelled, the new one has begun without
+    /// having painted.
+    pub fn replace_stroke(
+        &mut self,
+        stroke: Stroke,
+        progress: &Progress,
+    ) -> Result<Rect, StrokeError> {
+        check(&stroke)?;
+        let changed = self.take_off();
+        self.put_down(stroke);
+        let path = Path::of(&self.stroke);
+        let painted = self.repaint(&path, path.bounds(), progress)?;
+        Ok(changed.bounding(painted))
+    }
+
+    /// Takes the stroke off the picture and takes the one before in the hand again, as it was when it ended; returns the pixels
+    /// that may have changed. Nothing, and no change, if there is none, or if it was too long ago: the strokes that are kept
+    /// take at most 256 MiB. Mask strokes are not taken in the hand again.
+    ///
+    /// Costs as much as the pixels that the two strokes changed.
+    pub fn undo_stroke(&mut self) -> Option<Rect> {
+        let ended = self.history.pop()?;
+        if ended.stroke.tool == Tool::Mask {
+            self.history.push(ended);
+            return None;
+        }
+        let changed = self.take_off();
+        self.canvas.resume(&ended.patch);
+        self.noise_known = ended.noise_known;
+        self.put_down(ended.stroke);
+        Some(changed)
+    }
+
+    /// Takes the stroke off the picture, and what it has found out about it.
+    fn take_off(&mut self) -> Rect {
+        if !self.noise_known {
+            self.canvas.forget_noise();
+        }
+        self.canvas.take_off()
+    }
+
+    /// Makes `stroke` the one in the hand, without painting it; returns the one that was.
+    fn put_down(&mut self, stroke: Stroke) -> Stroke {
+        self.cells = Cells::new(self.canvas.image.size(), &stroke);
+        self.mask = selection(&stroke, &self.canvas.image);
+        std::mem::replace(&mut self.stroke, stroke)
     }
 
     /// Moves the brush to a point; returns the pixels that may have changed.

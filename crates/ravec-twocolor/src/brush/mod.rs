@@ -18,10 +18,12 @@
 //! live ([`Brush`]) and replayed ([`replay`]), whole or cut, on any number of threads. Does not guarantee: that edges fainter
 //! than the tolerance hold paint back.
 //!
-//! Cost: one exact fit a pixel under the stroke. Memory: two copies of the picture, and 32 bytes a pixel under the stroke.
+//! Cost: one exact fit a pixel under the stroke. Memory: two copies of the picture, and 32 bytes a pixel under the stroke;
+//! live strokes that have ended keep the pixels that they changed, at most 256 MiB, so that they can be taken off again.
 
 mod canvas;
 mod cells;
+mod history;
 mod live;
 mod path;
 mod stroke;
