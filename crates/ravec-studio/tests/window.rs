@@ -22,7 +22,7 @@ const HAND: [Duration; 4] = [
     Duration::from_millis(300),
     Duration::from_millis(900),
 ];
-/// Time after which a drag without effect is tried again.
+/// Time after which a drag or a text without effect is tried again.
 const RETRY: Duration = Duration::from_secs(10);
 
 /// Looks until something is there.
@@ -272,15 +272,20 @@ impl Window<'_> {
     fn open(&self, path: &Path) {
         self.press("ctrl+o");
         self.see("Open a picture, a mesh, a clip or a project: Open");
-        self.desk
-            .hand(&["type", "--delay", "25", path.to_str().unwrap()]);
-        wait("the path that is typed", || {
-            let path = path.to_str().unwrap();
+        let path = path.to_str().unwrap();
+        let typed = || {
             let all = self.controls()?;
-            all.iter()
-                .any(|control| control.value.as_deref() == Some(path))
-                .then_some(())
+            let mut values = all.iter().filter_map(|control| control.value.as_deref());
+            values.any(|value| value == path).then_some(())
+        };
+        // a window that is slow to answer may lose a key
+        let is_typed = HAND.iter().any(|pause| {
+            let delay = pause.as_millis().to_string();
+            self.press("ctrl+a");
+            self.desk.hand(&["type", "--delay", &delay, path]);
+            wait_for(RETRY, typed).is_some()
         });
+        assert!(is_typed, "{path} was typed in vain");
         self.press("Return");
     }
 
