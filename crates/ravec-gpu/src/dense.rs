@@ -165,7 +165,7 @@ fn step_bands<P: GpuPixel>(
     )
 }
 
-/// What all bands share.
+/// State shared by the bands of a picture.
 struct Operator<'a, P> {
     gpu: &'a Gpu,
     image: &'a Image<P>,

@@ -85,7 +85,7 @@ impl fmt::Display for AdapterInfo {
     }
 }
 
-/// How a device is opened.
+/// Options for opening a device.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct OpenOptions {
     /// Run the validation layers of the interface, where they are installed; their messages go to the `log` facade. Slow.
@@ -138,11 +138,11 @@ pub struct Gpu {
 
 #[derive(Default)]
 struct Health {
-    /// Why the device is not used any more.
+    /// Reason for which the device is no longer used.
     lost: Option<String>,
     /// The last error outside an error scope.
     refused: Option<Failure>,
-    /// What the caller should know, and has not been given yet.
+    /// Warnings not yet returned to the caller.
     warnings: Vec<String>,
 }
 
@@ -227,7 +227,7 @@ impl Gpu {
         lock(&self.health).lost.is_some()
     }
 
-    /// Sentences on work that was done on the CPU instead, since the last call.
+    /// Warnings about work that was done on the CPU instead, since the last call.
     pub fn take_warnings(&self) -> Vec<String> {
         std::mem::take(&mut lock(&self.health).warnings)
     }

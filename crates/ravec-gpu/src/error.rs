@@ -1,10 +1,10 @@
-//! What can go wrong with a device.
+//! Errors of devices.
 
-/// Why no device could be opened.
+/// Errors of opening a device.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GpuError {
-    /// No adapter of this machine is meant by the choice.
+    /// No adapter of this machine matches the choice.
     #[error("no adapter for the device `{wanted}`: {}", listed(found))]
     NoAdapter {
         /// The choice.
@@ -17,7 +17,7 @@ pub enum GpuError {
     Open {
         /// The adapter.
         adapter: String,
-        /// The driver's words.
+        /// Message of the driver.
         cause: String,
     },
     /// The device's results are not those of the CPU.
@@ -43,7 +43,7 @@ fn listed(found: &[String]) -> String {
     )
 }
 
-/// Why a device stopped in the middle of its work. The CPU goes on with the rest.
+/// Failures of a device during its work. The CPU computes the rest.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Failure {
     #[error("the device was lost ({0})")]
@@ -70,7 +70,7 @@ impl Failure {
     }
 }
 
-/// Either the caller cancelled, or the device stopped.
+/// Reasons for which work on a device ends early.
 #[derive(Debug)]
 pub(crate) enum Stopped {
     Cancelled(ravec_progress::Cancelled),

@@ -174,7 +174,7 @@ fn fit_bands<P: GpuPixel>(
     )
 }
 
-/// What all bands of a picture share.
+/// State shared by the bands of a picture.
 struct Fitter<'a, P> {
     gpu: &'a Gpu,
     image: &'a Image<P>,

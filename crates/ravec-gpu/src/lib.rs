@@ -21,7 +21,7 @@
 //! | [`fit()`] | [`TwoColorField::fit`](ravec_twocolor::TwoColorField::fit) | the same bits, blocks of 2, 4, 8 and 16 pixels |
 //! | [`refine_lines`] | [`TwoColorField::refine_lines`](ravec_twocolor::TwoColorField::refine_lines) | 98 of 100 lines within 0.01 pixels |
 //! | [`render_field`] | [`render_to`](ravec_twocolor::render_to), [`render_mosaic`](ravec_twocolor::render_mosaic) | light within 1e-5 |
-//! | [`operate_on`] | [`operate`](ravec_twocolor::operate) | abstract and smooth: the same bits; sharpen and antialias: light within 1e-4 |
+//! | [`operate_on`] | [`operate`](ravec_twocolor::operate) | abstract and smooth: the same bits, within 1e-5 at transparency and borders; sharpen and antialias: light within 1e-4 |
 //! | [`warp_deformed`] | [`Deformation::warp`](ravec_retarget::Deformation::warp) | light within 1e-3, samples of 8 bit within a step |
 //! | [`warp_homography`] | [`warp`](fn@ravec_planar::warp) | light within 2e-3 |
 //!

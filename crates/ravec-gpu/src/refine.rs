@@ -134,7 +134,7 @@ fn refine_bands<P: GpuPixel>(
     )
 }
 
-/// What all bands share.
+/// State shared by the bands of a picture.
 struct Refiner<'a, P> {
     gpu: &'a Gpu,
     field: &'a TwoColorField,

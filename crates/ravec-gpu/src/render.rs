@@ -22,13 +22,13 @@ const MAX_BLOCK_BYTES: usize = 128 << 20;
 /// The longest side of a picture on the device, whose squares fit the device's integers.
 const MAX_SIDE: usize = 65_535;
 
-/// How a block is drawn.
+/// Rendering style of a field.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum RenderStyle {
-    /// With its line (default).
+    /// Two colors, separated by the line of the block (default).
     #[default]
     TwoColors,
-    /// In its mean color.
+    /// The mean color of the block.
     Mosaic,
 }
 

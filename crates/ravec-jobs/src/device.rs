@@ -10,8 +10,8 @@ use ravec::progress::{Cancelled, Progress};
 use ravec::raster::{AnyImage, Image, LinearRgba, PremulLinearRgba, Rect, Size, with_image};
 use ravec::retarget::{Deformation, RetargetError};
 use ravec::twocolor::{
-    FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate, render_mosaic,
-    render_to,
+    BlockField, FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate,
+    render_mosaic, render_to,
 };
 
 #[cfg(feature = "gpu")]
@@ -109,42 +109,24 @@ impl Device {
         Ok(with_image!(image, image => field.refine_lines(image, progress))?)
     }
 
-    pub(crate) fn render_to(
+    /// Renders a field so that it fills `size`, with its lines or as a plain mosaic.
+    pub(crate) fn render(
         &self,
         field: &TwoColorField,
         size: Size,
+        mosaic: bool,
         progress: &Progress,
-    ) -> Result<Image<LinearRgba>, JobError> {
+    ) -> Result<Image<LinearRgba>, Cancelled> {
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &self.gpu {
-            return Ok(gpu::render_field(
-                gpu,
-                field,
-                size,
-                RenderStyle::TwoColors,
-                progress,
-            )?);
+            let style = if mosaic {
+                RenderStyle::Mosaic
+            } else {
+                RenderStyle::TwoColors
+            };
+            return gpu::render_field(gpu, field, size, style, progress);
         }
-        Ok(render_to(field, size, progress)?)
-    }
-
-    pub(crate) fn render_mosaic(
-        &self,
-        field: &TwoColorField,
-        size: Size,
-        progress: &Progress,
-    ) -> Result<Image<LinearRgba>, JobError> {
-        #[cfg(feature = "gpu")]
-        if let Some(gpu) = &self.gpu {
-            return Ok(gpu::render_field(
-                gpu,
-                field,
-                size,
-                RenderStyle::Mosaic,
-                progress,
-            )?);
-        }
-        Ok(render_mosaic(field, size, progress)?)
+        render_field(field, size, mosaic, progress)
     }
 
     pub(crate) fn warp(
@@ -187,6 +169,20 @@ impl Device {
             return with_image!(image, image => gpu::operate_on(gpu, image, region, params, progress));
         }
         with_image!(image, image => operate(image, region, params, progress))
+    }
+}
+
+/// Renders a field on the CPU.
+pub(crate) fn render_field(
+    field: &impl BlockField,
+    size: Size,
+    mosaic: bool,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, Cancelled> {
+    if mosaic {
+        render_mosaic(field, size, progress)
+    } else {
+        render_to(field, size, progress)
     }
 }
 

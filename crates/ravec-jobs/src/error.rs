@@ -66,10 +66,10 @@ pub enum JobError {
         /// Parameters to change.
         remedy: &'static str,
     },
-    /// Two meshes of an expression have the same name.
+    /// There is no such device, or it cannot be used.
     #[error("{cause}")]
     Device {
-        /// What is wrong, and what to do.
+        /// Description of the problem, with its remedy.
         cause: String,
     },
     /// Two meshes of an expression have the same name.

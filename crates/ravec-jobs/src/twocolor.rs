@@ -4,6 +4,7 @@
 //! picture is written with the sample kind, profile and EXIF block of its source.
 
 use crate::context::Context;
+use crate::device::render_field;
 use crate::error::JobError;
 use crate::files;
 use crate::operation::Operation;
@@ -12,7 +13,7 @@ use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::raster::{AnyImage, Image, LinearRgba, Size, psnr_db, with_image};
 use ravec::twocolor::{
     AdaptiveField, AdaptiveParams, BlockField, FitMethod, FitParams, MAX_SVG_SIDE, SvgParams,
-    TwoColorField, render_mosaic, render_to, write_svg,
+    TwoColorField, write_svg,
 };
 use ravec_media::WriteOptions;
 use serde::{Deserialize, Serialize};
@@ -435,10 +436,8 @@ impl Draw for TwoColorField {
         mosaic: bool,
         context: &Context,
     ) -> Result<Image<LinearRgba>, JobError> {
-        if mosaic {
-            return context.device.render_mosaic(self, size, &context.progress);
-        }
-        context.device.render_to(self, size, &context.progress)
+        let device = &context.device;
+        Ok(device.render(self, size, mosaic, &context.progress)?)
     }
 }
 
@@ -450,10 +449,7 @@ impl Draw for AdaptiveField {
         mosaic: bool,
         context: &Context,
     ) -> Result<Image<LinearRgba>, JobError> {
-        if mosaic {
-            return Ok(render_mosaic(self, size, &context.progress)?);
-        }
-        Ok(render_to(self, size, &context.progress)?)
+        Ok(render_field(self, size, mosaic, &context.progress)?)
     }
 }
 
