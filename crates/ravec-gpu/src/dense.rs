@@ -1,7 +1,7 @@
 //! The two-color operator at every pixel, one window a thread.
 //!
-//! Bounds: abstract and smooth give the pixels of the CPU, except where a window with transparency or at the border has none
-//! itself, which differs by rounding, 1e-5. Sharpen and antialias use the area of a pixel beside the line, which the CPU
+//! Bounds: abstract and smooth give the bits of the CPU, except in opaque windows beside transparency or the border: the CPU
+//! may fit these with weights, and the two differ by rounding, at most 1e-5. Sharpen and antialias use the area of a pixel beside the line, which the CPU
 //! computes with more digits: their light differs by at most 1e-4. Cost: as a fit of one block a pixel.
 
 use crate::device::Gpu;
