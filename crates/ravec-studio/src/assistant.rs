@@ -3,6 +3,8 @@
 //! One thread a document, apart from the one that computes results. Each kind of question has one place: a newer question takes the
 //! place of the one that waits, and the last answer stays until a newer one is there. What a kind of question prepares, such as an
 //! index of a picture, is kept as long as the questions are about the same picture.
+//!
+//! Answers are computed on threads of their own: on those of the results, they would wait for the end of a result.
 
 use crate::analyses::Analyses;
 use crate::engine::lock;
@@ -10,11 +12,17 @@ use crate::tracking::Tracking;
 use ravec::progress::Progress;
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, LazyLock, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 /// An answer of any type.
 type Answer = Arc<dyn Any + Send + Sync>;
+
+/// The threads that answers are computed on, of all documents; those of the results where there are none.
+static POOL: LazyLock<Option<rayon::ThreadPool>> = LazyLock::new(|| {
+    let threads = rayon::ThreadPoolBuilder::new().thread_name(|index| format!("answers {index}"));
+    threads.build().ok()
+});
 
 /// A question.
 type Job = Box<dyn FnOnce(&mut Memory, &Progress) -> Option<Answer> + Send>;
@@ -184,7 +192,10 @@ fn work(shared: &Shared) {
             state.running = Some((kind, progress.clone()));
             (kind, number, job, progress)
         };
-        let answer = job(&mut memory, &progress);
+        let answer = match &*POOL {
+            Some(pool) => pool.install(|| job(&mut memory, &progress)),
+            None => job(&mut memory, &progress),
+        };
         let mut state = lock(&shared.state);
         state.running = None;
         if let Some(answer) = answer

@@ -107,7 +107,7 @@ pub struct Snapshot {
     pub key: Arc<str>,
     /// The source, as a canvas shows it.
     pub before: Option<View>,
-    /// The inputs of the edits of the last good result.
+    /// The inputs of the edits of the last good result, and of those that were run since.
     pub inputs: Arc<HashMap<EditId, EditInput>>,
     /// Reports of the edits of the last good result.
     pub reports: Arc<HashMap<EditId, Arc<Report>>>,
@@ -144,10 +144,37 @@ struct State {
     running: Option<(Progress, Instant)>,
     update: Option<Update>,
     result: Option<Evaluated>,
+    /// The request that the last good result belongs to.
+    result_of: Option<Request>,
+    /// The inputs of the edits of the last good result, and of those that were run since.
+    inputs: Arc<HashMap<EditId, EditInput>>,
     serial: u64,
     failure: Option<Failure>,
     runs: u64,
     quits: bool,
+}
+
+impl State {
+    /// The first edit that differs from those of the last good result, and its input.
+    fn known_input(&self, request: &Request) -> Option<(EditId, EditInput)> {
+        let (result, of) = (self.result.as_ref()?, self.result_of.as_ref()?);
+        if of.document.source != request.document.source || of.frame != request.frame {
+            return None;
+        }
+        let (mut done, mut wanted) = (of.document.shown_links(), request.document.shown_links());
+        loop {
+            let (done, wanted) = (done.next(), wanted.next()?);
+            let input = match done {
+                Some(done) if done == wanted => continue,
+                Some(done) => self.inputs.get(&done.id)?.clone(),
+                None => EditInput {
+                    key: result.key.clone(),
+                    content: result.visible.content.clone(),
+                },
+            };
+            return Some((wanted.id, input));
+        }
+    }
 }
 
 struct Shared {
@@ -192,6 +219,9 @@ impl Engine {
     /// Asks for a result, in place of all earlier requests; the number of the request.
     pub fn request(&self, request: Request) -> u64 {
         let mut state = self.shared.state();
+        if let Some((edit, input)) = state.known_input(&request) {
+            Arc::make_mut(&mut state.inputs).insert(edit, input);
+        }
         state.asked += 1;
         let serial = state.asked;
         state.next = Some((serial, request));
@@ -225,9 +255,7 @@ impl Engine {
             result: result.map(|result| result.visible.clone()),
             key: result.map_or_else(|| "".into(), |result| result.key.clone()),
             before: result.and_then(|result| result.before.clone()),
-            inputs: result
-                .map(|result| result.inputs.clone())
-                .unwrap_or_default(),
+            inputs: state.inputs.clone(),
             reports: result
                 .map(|result| result.reports.clone())
                 .unwrap_or_default(),
@@ -320,14 +348,20 @@ fn work(shared: &Arc<Shared>) {
             &mut cache,
             &mut shot,
             &shared.painting,
-            || {
-                shared.state().runs += 1;
+            |edit, input| {
+                let mut state = shared.state();
+                state.runs += 1;
+                Arc::make_mut(&mut state.inputs).insert(edit, input.clone());
+                drop(state);
+                (shared.repaint)();
             },
         );
         let mut state = shared.state();
         state.running = None;
         match outcome {
             Ok(result) => {
+                state.inputs = result.inputs.clone();
+                state.result_of = Some(request);
                 state.result = Some(result);
                 state.serial = serial;
                 state.failure = None;

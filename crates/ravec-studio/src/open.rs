@@ -180,6 +180,14 @@ impl Open {
         }
     }
 
+    /// Stops the engine while quick results of an edit take the place of its results.
+    pub fn pause_engine(&mut self, edit: &Edit, snapshot: &Snapshot) {
+        // without its input there would be nothing to make quick results of
+        if snapshot.inputs.contains_key(&edit.id) && self.asked.take().is_some() {
+            self.engine.cancel();
+        }
+    }
+
     /// Asks for a quick result of an edit, if it has changed.
     pub fn ask_draft(&mut self, edit: &Edit, draft: DraftFn, snapshot: &Snapshot, on_input: bool) {
         let Some(input) = input_of(edit.id, snapshot, on_input) else {

@@ -19,6 +19,7 @@ mod quad;
 mod rectify;
 mod retarget;
 mod shot;
+mod small;
 mod track;
 mod trim;
 mod twocolor;

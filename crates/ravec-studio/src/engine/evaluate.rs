@@ -26,14 +26,14 @@ pub(super) struct Evaluated {
     pub frame: Option<u64>,
 }
 
-/// The result of a request; no failure for a cancelled run.
+/// The result of a request; no failure for a cancelled run. `on_run` takes each edit that is run, with its input.
 pub(super) fn evaluate(
     request: &Request,
     progress: &Progress,
     cache: &mut Cache,
     shot: &mut OpenShot,
     painting: &Mutex<Painting>,
-    mut on_run: impl FnMut(),
+    mut on_run: impl FnMut(EditId, &EditInput),
 ) -> Result<Evaluated, Option<Failure>> {
     let Request {
         document,
@@ -81,7 +81,6 @@ pub(super) fn evaluate(
     };
     while done < edits.len() {
         let edit = edits[done];
-        on_run();
         let failed = |message: String| {
             Some(Failure {
                 edit: Some(edit.id),
@@ -92,6 +91,7 @@ pub(super) fn evaluate(
             key: keys[done].as_str().into(),
             content: result.content.clone(),
         };
+        on_run(edit.id, &input);
         let result_of = match (&prepared[done], frame) {
             (Some(of), Some(frame)) => {
                 let context = analyses.context(progress);

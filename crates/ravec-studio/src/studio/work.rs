@@ -138,6 +138,12 @@ fn scene<'a>(open: &mut Open, tools: &'a mut [Box<dyn Tool>]) -> Scene<'a> {
         open.ask(on_input);
     }
     let snapshot = open.engine.snapshot();
+    if moving
+        && !on_input
+        && let (Some(edit), Some(_)) = (&edit, drafts)
+    {
+        open.pause_engine(edit, &snapshot);
+    }
     let beside = tool.as_ref().is_some_and(|tool| tool.shows_draft_beside());
     let first = tool.as_ref().is_some_and(|tool| tool.drafts_first());
     if let (Some(edit), Some(draft)) = (&edit, drafts)

@@ -10,9 +10,16 @@ use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Rect, with_image};
 use serde_json::{Map, Value};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Maximum number of pixels of a quick result.
-const MAX_DRAFT_PX: f64 = 1e6;
+pub(super) const MAX_DRAFT_PX: f64 = 1e6;
+
+/// Minimum number of pixels of a quick result: less is not worth a look.
+const MIN_DRAFT_PX: f64 = 1.5e5;
+
+/// Time that a quick result may take.
+const DRAFT_TIME: Duration = Duration::from_millis(60);
 
 /// Borders of the seen part lie on multiples of this, so that blocks of pixels stay where they are in the whole.
 const GRID_PX: usize = 64;
@@ -49,17 +56,21 @@ impl Tool for Plain {
     fn draft(&self) -> Option<DraftFn> {
         Some(draft)
     }
+
+    fn drafts_first(&self) -> bool {
+        true
+    }
 }
 
-/// The result of the part that is seen, or of its middle if it is large.
-pub(super) fn draft(
-    job: &DraftJob,
-    _memory: &mut Memory,
-    progress: &Progress,
-) -> Option<DraftView> {
+/// The result of the part that is seen, or of as much of its middle as the operation does in [`DRAFT_TIME`], going by the last time.
+pub(super) fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
+    let start = Instant::now();
     let picture = job.input.content.picture()?;
     let size = picture.image.size();
-    let part = seen_part(job.seen, [size.width(), size.height()])?;
+    let operation = job.edit.operation.as_str().into();
+    let affordable = memory.keep("draft pixels", &operation, || Ok::<_, ()>(MIN_DRAFT_PX));
+    let affordable = affordable.ok()?;
+    let part = seen_part(job.seen, [size.width(), size.height()], *affordable)?;
     let cut = part.size()?;
     let cut = with_image!(&picture.image, image => image.crop(part.col, part.row, cut).map(AnyImage::from));
     let input = Content::Picture(Arc::new(picture.with_pixels(cut.ok()?)));
@@ -73,16 +84,18 @@ pub(super) fn draft(
         output.size()[1] as f64,
     ];
     let shown = Arc::new(Shown::new(output.picture()?.clone()));
+    let share = start.elapsed().div_duration_f64(DRAFT_TIME);
+    *affordable = (part.pixels() as f64 / share.max(1e-6)).clamp(MIN_DRAFT_PX, MAX_DRAFT_PX);
     Some(DraftView {
         place: Some(place),
         ..DraftView::whole(View::Picture(shown))
     })
 }
 
-/// The part of a picture of this size that is seen, at most [`MAX_DRAFT_PX`], on a grid of blocks.
-pub(super) fn seen_part(seen: [f64; 4], [width, height]: [usize; 2]) -> Option<Rect> {
+/// The part of a picture of this size that is seen, or its middle of `max_px` pixels, on a grid of blocks.
+pub(super) fn seen_part(seen: [f64; 4], [width, height]: [usize; 2], max_px: f64) -> Option<Rect> {
     let [left, top, columns, rows] = seen;
-    let shrink = (MAX_DRAFT_PX / (columns * rows).max(1.0)).sqrt().min(1.0);
+    let shrink = (max_px / (columns * rows).max(1.0)).sqrt().min(1.0);
     let range = |low: f64, length: f64, end: usize| {
         let margin = 0.5 * length * (1.0 - shrink);
         let first = (low + margin).max(0.0) as usize / GRID_PX * GRID_PX;
@@ -101,10 +114,10 @@ mod tests {
 
     #[test]
     fn a_draft_covers_what_is_seen_within_its_limit() {
-        let part = seen_part([-50.0, 10.0, 400.0, 300.0], [1000, 800]).unwrap();
+        let part = seen_part([-50.0, 10.0, 400.0, 300.0], [1000, 800], 1e6).unwrap();
         assert_eq!(part, Rect::new(0, 0, 384, 320));
-        let large = seen_part([0.0, 0.0, 8000.0, 6000.0], [8000, 6000]).unwrap();
+        let large = seen_part([0.0, 0.0, 8000.0, 6000.0], [8000, 6000], 1e6).unwrap();
         assert!(large.pixels() < 1_400_000 && large.contains(4000, 3000));
-        assert!(seen_part([2000.0, 0.0, 50.0, 50.0], [1000, 800]).is_none());
+        assert!(seen_part([2000.0, 0.0, 50.0, 50.0], [1000, 800], 1e6).is_none());
     }
 }

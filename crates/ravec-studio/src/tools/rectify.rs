@@ -2,6 +2,7 @@
 
 use super::planes::PlaneAids;
 use super::quad::{self, Corners, QuadHandle};
+use super::small::small_copy;
 use super::{Desk, DraftFn, DraftJob, DraftView, Gesture, Hand, Tool, with_params};
 use crate::assistant::Memory;
 use crate::content::{Content, View};
@@ -112,13 +113,32 @@ impl Tool for Rectify {
     }
 }
 
+/// The edit of a copy that has another size.
+fn of_copy(edit: &Edit, scale: [f64; 2]) -> Option<Edit> {
+    let corners = corners(edit)?.map(|[x, y]| [scale[0] * x, scale[1] * y]);
+    let edit = edit.with_param("quad", quad::text(&corners).into());
+    let edit = edit.with_param("height", Value::Null);
+    let edit = edit.with_param("width", BESIDE_PX.into());
+    let focal = edit.param("focal").as_str().unwrap_or_default();
+    let in_pixels = focal
+        .strip_suffix("px")
+        .and_then(|px| px.trim().parse::<f64>().ok());
+    Some(match in_pixels {
+        Some(px) => edit.with_param("focal", format!("{}px", scale[0] * px).into()),
+        None => edit,
+    })
+}
+
 /// The rectified view at the size of a thumbnail, with its proportions in words.
-fn draft(job: &DraftJob, _memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
-    let mut edit = job.edit.clone();
-    if edit.param("width").is_null() && edit.param("height").is_null() {
-        edit = edit.with_param("width", BESIDE_PX.into());
-    }
-    let input = Content::Picture(job.input.content.picture()?.clone());
+fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
+    let picture = job.input.content.picture()?;
+    let small = memory.keep("small copy", &job.input.key, || {
+        let (small, scale) = small_copy(picture);
+        Ok::<_, ()>((Arc::new(small), scale))
+    });
+    let (small, scale) = small.ok()?;
+    let edit = of_copy(&job.edit, *scale)?;
+    let input = Content::Picture(small.clone());
     let (output, report) = run_in_memory(&edit, &input, progress).ok()?;
     let result = report.result.unwrap_or_default();
     let from = match result["aspect_from"].as_str().unwrap_or_default() {

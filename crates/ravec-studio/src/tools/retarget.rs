@@ -1,6 +1,7 @@
 //! Retargeting: any side of the picture is dragged; areas are protected or give way.
 
 use super::outline::{self, Outline};
+use super::small::{SMALL_SIDE, small_copy};
 use super::{Desk, DraftFn, DraftJob, DraftView, Gesture, Hand, Tool, with_params};
 use crate::assistant::Memory;
 use crate::content::{Kind, View};
@@ -8,9 +9,7 @@ use crate::document::Edit;
 use crate::shown::Shown;
 use egui::{Color32, CursorIcon, Pos2, Rect, Stroke, Ui, pos2};
 use ravec::progress::Progress;
-use ravec::raster::{
-    AnyImage, Color, Image, Resample, ResizeFilter, Size, Srgba, resize, with_image,
-};
+use ravec::raster::{AnyImage, Size, with_image};
 use ravec::retarget::{Deformation, Painted, Retargeter, WarpFilter};
 use ravec_jobs::retarget::Params;
 use ravec_media::Picture;
@@ -22,9 +21,6 @@ const REACH: f32 = 10.0;
 
 /// The smallest share of the input that a side may have: less is refused by the operation.
 const MIN_SHARE: f64 = 0.05;
-
-/// Maximum side of a quick result in pixels.
-const DRAFT_SIDE: f64 = 1000.0;
 
 /// Formats that one often wants.
 const FORMATS: [(&str, f64, f64); 6] = [
@@ -408,24 +404,13 @@ fn prepare<'a>(
         let retargeter = with_image!(&picture.image, image => {
             Retargeter::new(image, painted, &params.options(), progress)
         });
-        let small = with_image!(&picture.image, image => reduced(image));
         Ok(Prepared {
             retargeter: retargeter.map_err(|_| ())?,
-            small: picture.with_pixels(small),
+            small: small_copy(picture).0,
             last: None,
         })
     });
     prepared.ok()
-}
-
-/// A copy for the screen.
-fn reduced<P: Color + Resample>(image: &Image<P>) -> AnyImage {
-    let (width, height) = (image.width() as f64, image.height() as f64);
-    let scale = (DRAFT_SIDE / width.max(height)).min(1.0);
-    let side = |length: f64| (scale * length).round().max(1.0) as usize;
-    let size = Size::new(side(width), side(height)).unwrap_or(image.size());
-    let small: Image<Srgba<u8>> = resize(image, size, ResizeFilter::default()).convert();
-    small.into()
 }
 
 /// The picture at the size of an edit, with the pixels of the screen.
@@ -434,7 +419,7 @@ fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<Dra
     let prepared = prepare(&job.input, &job.edit, memory, progress)?;
     prepared.solve(wanted)?;
     let deformation = prepared.last.as_ref()?;
-    let scale = (DRAFT_SIDE / wanted[0].max(wanted[1])).min(1.0);
+    let scale = (SMALL_SIDE / wanted[0].max(wanted[1])).min(1.0);
     let side = |k: usize| (scale * wanted[k]).round().max(1.0) as usize;
     let size = Size::new(side(0), side(1)).ok()?;
     let warped: AnyImage = with_image!(&prepared.small.image, image => {

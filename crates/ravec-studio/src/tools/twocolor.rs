@@ -1,6 +1,6 @@
 //! The two-color view: blocks with a line and two colors, their lines over the picture, and the drawing as SVG.
 
-use super::plain::{draft, seen_part};
+use super::plain::{MAX_DRAFT_PX, draft, seen_part};
 use super::{Desk, DraftFn, Gesture, Hand, Tool, with_params};
 use crate::content::Kind;
 use crate::device::edit_context;
@@ -38,7 +38,7 @@ impl TwoColor {
         let [right, bottom] = corner(hand.response.rect.max);
         let seen = [left, top, right - left, bottom - top];
         let params = edit.fields.get("params").cloned().unwrap_or(json!({}));
-        let Some(part) = seen_part(seen, hand.input_size) else {
+        let Some(part) = seen_part(seen, hand.input_size, MAX_DRAFT_PX) else {
             return;
         };
         let place = [part.col, part.row, part.width, part.height];
@@ -94,6 +94,10 @@ impl Tool for TwoColor {
 
     fn draft(&self) -> Option<DraftFn> {
         Some(draft)
+    }
+
+    fn drafts_first(&self) -> bool {
+        true
     }
 
     fn canvas_ui(&mut self, hand: &Hand<'_>, edit: &Edit) -> Option<Gesture> {
