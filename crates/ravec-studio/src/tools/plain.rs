@@ -67,8 +67,9 @@ pub(super) fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) ->
     let start = Instant::now();
     let picture = job.input.content.picture()?;
     let size = picture.image.size();
-    let operation = job.edit.operation.as_str().into();
-    let affordable = memory.keep("draft pixels", &operation, || Ok::<_, ()>(MIN_DRAFT_PX));
+    let affordable = memory.keep("draft pixels", &method(&job.edit), || {
+        Ok::<_, ()>(MIN_DRAFT_PX)
+    });
     let affordable = affordable.ok()?;
     let part = seen_part(job.seen, [size.width(), size.height()], *affordable)?;
     let cut = part.size()?;
@@ -90,6 +91,17 @@ pub(super) fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) ->
         place: Some(place),
         ..DraftView::whole(View::Picture(shown))
     })
+}
+
+/// Text that changes with the method of an edit, whose cost a pixel is about the same: the operation, and what is no number.
+fn method(edit: &Edit) -> Arc<str> {
+    let params = edit.fields.get("params").and_then(Value::as_object);
+    let choices = params
+        .into_iter()
+        .flatten()
+        .filter(|(_, value)| !value.is_number());
+    let choices: Vec<_> = choices.collect();
+    format!("{} {choices:?}", edit.operation).into()
 }
 
 /// The part of a picture of this size that is seen, or its middle of `max_px` pixels, on a grid of blocks.

@@ -133,7 +133,7 @@ fn of_copy(edit: &Edit, scale: [f64; 2]) -> Option<Edit> {
 fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
     let picture = job.input.content.picture()?;
     let small = memory.keep("small copy", &job.input.key, || {
-        let (small, scale) = small_copy(picture);
+        let (small, scale) = small_copy(picture, 2.0 * f64::from(BESIDE_PX));
         Ok::<_, ()>((Arc::new(small), scale))
     });
     let (small, scale) = small.ok()?;

@@ -1,7 +1,7 @@
 //! Retargeting: any side of the picture is dragged; areas are protected or give way.
 
 use super::outline::{self, Outline};
-use super::small::{SMALL_SIDE, small_copy};
+use super::small::small_copy;
 use super::{Desk, DraftFn, DraftJob, DraftView, Gesture, Hand, Tool, with_params};
 use crate::assistant::Memory;
 use crate::content::{Kind, View};
@@ -15,12 +15,19 @@ use ravec_jobs::retarget::Params;
 use ravec_media::Picture;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Distance from a side within which it is taken, in screen points.
 const REACH: f32 = 10.0;
 
 /// The smallest share of the input that a side may have: less is refused by the operation.
 const MIN_SHARE: f64 = 0.05;
+
+/// Minimum and maximum longer side of a quick result in pixels.
+const DRAFT_SIDES: [f64; 2] = [400.0, 1000.0];
+
+/// Time that a quick result may take.
+const DRAFT_TIME: Duration = Duration::from_millis(12);
 
 /// Formats that one often wants.
 const FORMATS: [(&str, f64, f64); 6] = [
@@ -360,6 +367,8 @@ struct Prepared {
     small: Picture,
     /// The last deformation, from which the next one starts.
     last: Option<Deformation>,
+    /// Longer side of the next quick result, going by the time of the last one.
+    side: f64,
 }
 
 impl Prepared {
@@ -406,8 +415,9 @@ fn prepare<'a>(
         });
         Ok(Prepared {
             retargeter: retargeter.map_err(|_| ())?,
-            small: small_copy(picture).0,
+            small: small_copy(picture, DRAFT_SIDES[1]).0,
             last: None,
+            side: DRAFT_SIDES[0],
         })
     });
     prepared.ok()
@@ -417,9 +427,10 @@ fn prepare<'a>(
 fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
     let wanted = size_of(&job.edit, job.input.content.size());
     let prepared = prepare(&job.input, &job.edit, memory, progress)?;
+    let start = Instant::now();
     prepared.solve(wanted)?;
     let deformation = prepared.last.as_ref()?;
-    let scale = (SMALL_SIDE / wanted[0].max(wanted[1])).min(1.0);
+    let scale = (prepared.side / wanted[0].max(wanted[1])).min(1.0);
     let side = |k: usize| (scale * wanted[k]).round().max(1.0) as usize;
     let size = Size::new(side(0), side(1)).ok()?;
     let warped: AnyImage = with_image!(&prepared.small.image, image => {
@@ -427,6 +438,9 @@ fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<Dra
     });
     let full = wanted.map(|side| side.round() as usize);
     let shown = Shown::new(Arc::new(prepared.small.with_pixels(warped))).stretched(full);
+    let share = start.elapsed().div_duration_f64(DRAFT_TIME);
+    let [low, high] = DRAFT_SIDES;
+    prepared.side = (prepared.side / share.max(1e-6).sqrt()).clamp(low, high);
     Some(DraftView::whole(View::Picture(Arc::new(shown))))
 }
 
