@@ -92,6 +92,6 @@ mod thin;
 pub use complete::{CompleteParams, CompleteSummary, Completed, complete};
 pub use error::CompleteError;
 pub use fragments::{
-    FillOptions, FillSummary, FragmentIndex, Match, Retouch, SearchOptions, Shape, SourceFragment,
-    Sources, Step, Target, Variant,
+    FillOptions, FillSummary, FragmentIndex, Match, Retouch, RetouchState, SearchOptions, Shape,
+    SourceFragment, Sources, Step, Target, Variant,
 };

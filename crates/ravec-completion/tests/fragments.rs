@@ -283,6 +283,39 @@ fn steps_done_again_give_the_same_bytes_and_undone_the_ones_before() {
 }
 
 #[test]
+fn a_state_goes_on_with_its_index_and_follows_any_steps() {
+    let (image, hole, quad) = scene();
+    let index_of = || {
+        index(&Sources {
+            planes: &[quad],
+            ..Sources::new(&image, &hole)
+        })
+    };
+    let (index, other) = (index_of(), index_of());
+    let (_, steps) = filled(&index, &image);
+    let after = |steps: &[Step]| {
+        let mut fresh = Retouch::new(&index);
+        fresh.replay(steps, &Progress::none()).unwrap();
+        (fresh.picture(&image), fresh.open_px())
+    };
+    // longer, shorter, with another step in the middle, and none
+    let mut changed = steps.clone();
+    let middle = steps.len() / 2;
+    changed[middle] = Step {
+        blend: !steps[middle].blend,
+        ..steps[middle]
+    };
+    let mut retouch = Retouch::new(&index);
+    for wanted in [&steps[..], &steps[..1], &changed, &steps, &[]] {
+        retouch.follow(wanted, &Progress::none()).unwrap();
+        assert_eq!((retouch.picture(&image), retouch.open_px()), after(wanted));
+        assert!(retouch.steps().eq(wanted));
+        retouch = Retouch::resume(&index, retouch.suspend()).expect("it is of this index");
+    }
+    assert!(Retouch::resume(&other, retouch.suspend()).is_none());
+}
+
+#[test]
 fn a_step_that_was_changed_by_hand_copies_from_elsewhere() {
     let size = Size::new(120, 90).unwrap();
     let image = picture(size, |at| clouds(at.x, at.y, 3.0));

@@ -1,7 +1,7 @@
 //! Fragments of a picture that fill its hole one by one.
 //!
-//! The index is kept here. The list of steps is kept in Python and replayed by each call, which takes about a millisecond a step;
-//! undo removes the last step of the list.
+//! The index is kept here, with the picture after the steps of the last call. The list of steps is kept in Python; a call takes or undoes
+//! those that differ, about a millisecond each.
 
 use crate::array::{self, PixelKind};
 use crate::error::{of_request, of_task};
@@ -9,16 +9,19 @@ use crate::work;
 use glam::DVec2;
 use pyo3::prelude::*;
 use ravec::completion::{
-    CompleteError, FillOptions, Retouch, SearchOptions, Shape, Sources, Step, Target, Variant,
+    CompleteError, FillOptions, Retouch, RetouchState, SearchOptions, Shape, Sources, Step, Target,
+    Variant,
 };
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, LinearRgba, with_image};
 use serde_json::json;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 struct Prepared {
     image: AnyImage,
     index: ravec::completion::FragmentIndex,
+    /// The state after the last call; none while a call uses it.
+    state: Mutex<Option<RetouchState>>,
 }
 
 /// Everything that may be copied from, prepared for searches.
@@ -65,11 +68,21 @@ fn steps_of(json: &str) -> PyResult<Vec<Step>> {
 }
 
 impl Prepared {
-    /// The state after some steps.
-    fn after(&self, steps: &[Step], progress: &Progress) -> PyResult<Retouch<'_>> {
-        let mut retouch = Retouch::new(&self.index);
-        retouch.replay(steps, &progress.silent()).map_err(raised)?;
-        Ok(retouch)
+    /// Works on the state after some steps.
+    fn after<T>(
+        &self,
+        steps: &[Step],
+        progress: &Progress,
+        work: impl FnOnce(&mut Retouch<'_>) -> PyResult<T>,
+    ) -> PyResult<T> {
+        let state = || self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = state().take();
+        let resumed = kept.and_then(|kept| Retouch::resume(&self.index, kept));
+        let mut retouch = resumed.unwrap_or_else(|| Retouch::new(&self.index));
+        let followed = retouch.follow(steps, &progress.silent());
+        let result = followed.map_err(raised).and_then(|()| work(&mut retouch));
+        *state() = Some(retouch.suspend());
+        result
     }
 }
 
@@ -138,6 +151,7 @@ impl FragmentIndex {
             Ok(Prepared {
                 index: index.map_err(raised)?,
                 image,
+                state: Mutex::default(),
             })
         })?;
         Ok(Self {
@@ -158,7 +172,6 @@ impl FragmentIndex {
         let steps = steps_of(steps)?;
         let prepared = Arc::clone(&self.prepared);
         work::run(py, progress, move |progress| {
-            let retouch = prepared.after(&steps, progress)?;
             let target = Target {
                 plane: options.plane,
                 shape: if options.square {
@@ -173,14 +186,16 @@ impl FragmentIndex {
                 apart: options.apart,
                 ..SearchOptions::default()
             };
-            let found = retouch.best(&target, &search, progress).map_err(raised)?;
-            let found: Vec<_> = found
-                .iter()
-                .map(|found| {
-                    json!({ "step": retouch.step(&target, found), "mismatch": found.mismatch })
-                })
-                .collect();
-            serde_json::to_string(&found).map_err(of_task)
+            prepared.after(&steps, progress, |retouch| {
+                let found = retouch.best(&target, &search, progress).map_err(raised)?;
+                let found: Vec<_> = found
+                    .iter()
+                    .map(|found| {
+                        json!({ "step": retouch.step(&target, found), "mismatch": found.mismatch })
+                    })
+                    .collect();
+                serde_json::to_string(&found).map_err(of_task)
+            })
         })
     }
 
@@ -189,7 +204,7 @@ impl FragmentIndex {
         let steps = steps_of(steps)?;
         let prepared = Arc::clone(&self.prepared);
         work::run(py, None, move |progress| {
-            Ok(prepared.after(&steps, progress)?.open_px())
+            prepared.after(&steps, progress, |retouch| Ok(retouch.open_px()))
         })
     }
 
@@ -206,15 +221,16 @@ impl FragmentIndex {
         let steps = steps_of(steps)?;
         let prepared = Arc::clone(&self.prepared);
         work::run(py, progress, move |progress| {
-            let mut retouch = prepared.after(&steps, progress)?;
             let options = FillOptions {
                 radius_px: radius,
                 shape: if square { Shape::Square } else { Shape::Circle },
                 ..FillOptions::default()
             };
-            retouch.fill(&options, progress).map_err(raised)?;
-            let steps: Vec<_> = retouch.steps().collect();
-            serde_json::to_string(&steps).map_err(of_task)
+            prepared.after(&steps, progress, |retouch| {
+                retouch.fill(&options, progress).map_err(raised)?;
+                let steps: Vec<_> = retouch.steps().collect();
+                serde_json::to_string(&steps).map_err(of_task)
+            })
         })
     }
 
@@ -222,11 +238,10 @@ impl FragmentIndex {
     fn picture(&self, py: Python<'_>, steps: &str) -> PyResult<Py<PyAny>> {
         let steps = steps_of(steps)?;
         let prepared = Arc::clone(&self.prepared);
-        let image = work::run(py, None, move |progress| {
-            let retouch = prepared.after(&steps, progress)?;
-            let image: AnyImage =
-                with_image!(&prepared.image, image => retouch.picture(image).into());
-            Ok(image)
+        let image: AnyImage = work::run(py, None, move |progress| {
+            prepared.after(&steps, progress, |retouch| {
+                Ok(with_image!(&prepared.image, image => retouch.picture(image).into()))
+            })
         })?;
         array::array(py, image, self.kind)
     }

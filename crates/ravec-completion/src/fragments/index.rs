@@ -15,6 +15,7 @@ use ravec_progress::Progress;
 use ravec_raster::{Color, Image, Mask};
 use rayon::prelude::*;
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Radii of fragments that can be searched, in pixels.
 pub(super) const RADII: std::ops::RangeInclusive<u32> = 2..=124;
@@ -116,7 +117,12 @@ pub struct FragmentIndex {
     fourier: Transform,
     /// Computed on demand: it takes as long as a pass over all pixels, and targets without a source may be many.
     largest_radius: OnceLock<u32>,
+    /// Number of the index in this process.
+    pub(super) number: u64,
 }
+
+/// Number of the next index.
+static NEXT_NUMBER: AtomicU64 = AtomicU64::new(0);
 
 impl std::fmt::Debug for FragmentIndex {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -274,6 +280,7 @@ impl FragmentIndex {
             buffers,
             fourier,
             largest_radius: OnceLock::new(),
+            number: NEXT_NUMBER.fetch_add(1, Ordering::Relaxed),
         })
     }
 

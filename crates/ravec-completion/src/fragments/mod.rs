@@ -29,5 +29,5 @@ mod template;
 
 pub use fill::{FillOptions, FillSummary};
 pub use index::{FragmentIndex, Match, SearchOptions, Sources};
-pub use retouch::Retouch;
+pub use retouch::{Retouch, RetouchState};
 pub use target::{Shape, SourceFragment, Step, Target, Variant};

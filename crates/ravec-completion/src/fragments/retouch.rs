@@ -57,6 +57,17 @@ pub struct Retouch<'a> {
     log: Vec<Logged>,
 }
 
+/// A [`Retouch`] without its index, so that both can be kept side by side. [`Retouch::resume`] goes on from it.
+#[derive(Debug)]
+pub struct RetouchState {
+    /// Number of the index.
+    index: u64,
+    canvas: Canvas,
+    owners: Image<u32>,
+    open_px: usize,
+    log: Vec<Logged>,
+}
+
 /// A step with what it replaced.
 #[derive(Debug)]
 struct Logged {
@@ -88,6 +99,28 @@ impl<'a> Retouch<'a> {
             canvas,
             open_px,
             log: Vec::new(),
+        }
+    }
+
+    /// Goes on from a state, without the copy of the picture that [`new`](Self::new) makes; `None` if it is of another index.
+    pub fn resume(index: &'a FragmentIndex, state: RetouchState) -> Option<Self> {
+        (state.index == index.number).then_some(Self {
+            index,
+            canvas: state.canvas,
+            owners: state.owners,
+            open_px: state.open_px,
+            log: state.log,
+        })
+    }
+
+    /// The state, apart from the index.
+    pub fn suspend(self) -> RetouchState {
+        RetouchState {
+            index: self.index.number,
+            canvas: self.canvas,
+            owners: self.owners,
+            open_px: self.open_px,
+            log: self.log,
         }
     }
 
@@ -238,6 +271,23 @@ impl<'a> Retouch<'a> {
             self.apply(step, progress)?;
         }
         Ok(())
+    }
+
+    /// Undoes steps and takes others until the steps so far are `steps`: the cost is that of the steps that differ.
+    ///
+    /// # Errors
+    /// As [`Retouch::apply`]; the steps before the one that failed remain.
+    pub fn follow(&mut self, steps: &[Step], progress: &Progress) -> Result<(), CompleteError> {
+        let taken = self.log.iter().map(|logged| &logged.step);
+        let same = |(taken, step): &(&Step, &Step)| {
+            let target = settled(&step.target);
+            **taken == Step { target, ..**step }
+        };
+        let common = taken.zip(steps).take_while(same).count();
+        while self.log.len() > common {
+            self.undo();
+        }
+        self.replay(&steps[common..], progress)
     }
 
     /// The picture as it is now. Pixels that the hole does not cover, and those that are still open, come back bit for bit;

@@ -5,6 +5,10 @@ use ravec_video::{Clip, ClipInfo, FrameSource as _, Rational};
 /// Seconds a frame where a clip does not say it.
 const DEFAULT_SECONDS: f64 = 1.0 / 25.0;
 
+/// Frames of a clip that is decoded once from its start for all small copies and thumbnails, while frames are read beside it: some
+/// twenty seconds of 1080p.
+const MAX_FRAMES_IN_ORDER: u64 = 2000;
+
 /// Properties of a clip that is open.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClipFacts {
@@ -47,6 +51,11 @@ impl ClipFacts {
             ),
             warnings: clip.warnings().to_vec(),
         }
+    }
+
+    /// True if reading from the start reaches all places earlier than seeking them one by one.
+    pub(super) fn is_read_in_order(&self) -> bool {
+        !self.seeks_fast && self.frames <= MAX_FRAMES_IN_ORDER
     }
 
     /// The time of a frame at the mean rate, in seconds from the first one.

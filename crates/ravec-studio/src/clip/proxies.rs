@@ -1,5 +1,6 @@
 //! Small copies of all frames, so that a jump shows its frame at once where decoding begins at a key frame far before.
 
+use super::facts::ClipFacts;
 use super::reader::open;
 use super::state::{Shared, State};
 use ravec::raster::{AnyImage, Image, ResizeFilter, Size, Srgb, resize, with_image};
@@ -53,12 +54,18 @@ impl Drop for End<'_> {
     }
 }
 
-/// True while nobody waits for a frame or a thumbnail.
-fn is_quiet(state: &State) -> bool {
-    state.wanted.is_none() && state.running.is_none() && state.thumbnails.is_done()
+/// True if the next frame may be copied: in a short clip always, since thumbnails are made of the copies; else while nobody waits for
+/// a frame or a thumbnail.
+fn may_go_on(state: &State) -> bool {
+    let in_order = state
+        .facts
+        .as_ref()
+        .is_some_and(ClipFacts::is_read_in_order);
+    let quiet = state.wanted.is_none() && state.running.is_none();
+    in_order || (quiet && state.thumbnails.is_done())
 }
 
-/// Copies all frames, from the first one on, while nothing else is read, until the reader is dropped or the bytes are used up.
+/// Copies all frames, from the first one on, until the reader is dropped or the bytes are used up.
 /// Clips that are read fast anywhere need no copies; frames with alpha have none.
 pub(super) fn work(shared: &Shared) {
     let _end = End(shared);
@@ -72,7 +79,7 @@ pub(super) fn work(shared: &Shared) {
     };
     for number in 0.. {
         if shared
-            .wait_for(|state| is_quiet(state).then_some(()))
+            .wait_for(|state| may_go_on(state).then_some(()))
             .is_none()
         {
             return;

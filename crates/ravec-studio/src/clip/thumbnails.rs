@@ -1,11 +1,14 @@
 //! Small pictures of frames that are evenly spaced over a clip.
 
+use super::facts::ClipFacts;
 use super::reader::open;
 use super::state::{Shared, State};
 use crate::shown::Tile;
 use ravec::raster::{AnyImage, Image, ResizeFilter, Size, Srgba, resize, with_image};
+use ravec_media::Limits;
 use ravec_video::{Clip, FrameSource as _};
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
 use std::sync::Arc;
 
 /// Columns and rows within which a thumbnail fits.
@@ -167,24 +170,66 @@ fn places(count: usize, frames: u64) -> Vec<u64> {
     (0..count).map(middle).collect()
 }
 
-/// Makes the thumbnails of a round: first every fourth, so that the whole clip is seen early. False if another round is asked for
-/// meanwhile.
+/// True while small copies of all frames are made, the first frames first.
+fn takes_copies(state: &State) -> bool {
+    let in_order = state
+        .facts
+        .as_ref()
+        .is_some_and(ClipFacts::is_read_in_order);
+    in_order && !state.proxies.ended
+}
+
+/// Origin of the next thumbnail.
+enum Next {
+    /// A small copy of the frame.
+    Copy(Arc<[u8]>),
+    /// The frame.
+    Seek,
+    /// It is made already.
+    Known,
+    /// Another round is asked for.
+    OtherRound,
+}
+
+/// A frame of the clip.
+fn sought(clip: &mut Clip, place: u64) -> Option<AnyImage> {
+    clip.seek(place).ok()?;
+    let frame = clip.next_frame().ok()??;
+    Some(frame.picture.into_image())
+}
+
+/// Makes the thumbnails of a round: of the small copies as these are made, or by seeking, first every fourth, so that the whole clip
+/// is seen early. False if another round is asked for meanwhile.
 fn make_round(shared: &Shared, clip: &mut Clip, count: usize, frames: u64) -> bool {
     let places = places(count, frames);
-    let first = places.iter().skip(1).step_by(4);
+    let in_order = takes_copies(&shared.state());
+    let every = if in_order { 1 } else { 4 };
+    let first = places.iter().skip(every / 4).step_by(every);
     for &place in first.chain(&places) {
-        let mut state = shared.state();
-        if state.quits || next_round(&mut state) != Some((count, frames)) {
-            return false;
-        }
-        let known = state.thumbnails.made.contains(place);
-        drop(state);
-        if known || clip.seek(place).is_err() {
-            continue;
-        }
+        let next = shared.wait_for(|state| {
+            if next_round(state) != Some((count, frames)) {
+                return Some(Next::OtherRound);
+            }
+            if state.thumbnails.made.contains(place) {
+                return Some(Next::Known);
+            }
+            match state.proxies.get(place) {
+                Some(copy) => Some(Next::Copy(copy.clone())),
+                None if takes_copies(state) => None,
+                None => Some(Next::Seek),
+            }
+        });
+        let image = match next {
+            None | Some(Next::OtherRound) => return false,
+            Some(Next::Known) => continue,
+            Some(Next::Copy(copy)) => ravec_media::decode(Cursor::new(copy), &Limits::default())
+                .ok()
+                .map(|picture| picture.image),
+            Some(Next::Seek) => sought(clip, place),
+        };
         // a frame that cannot be read has no thumbnail
-        if let Ok(Some(frame)) = clip.next_frame() {
-            let tile = small(&frame.picture.to_image());
+        if let Some(image) = image {
+            let tile = small(&image);
             let thumbnail = Arc::new(Thumbnail { frame: place, tile });
             shared.show(|state| {
                 Arc::make_mut(&mut state.thumbnails.made.0).insert(place, thumbnail);

@@ -11,7 +11,9 @@ use crate::engine::EditInput;
 use crate::shown::Shown;
 use egui::{Color32, Key, Stroke, Ui};
 use glam::DVec2;
-use ravec::completion::{FragmentIndex, Retouch, SearchOptions, Sources, Step, Target};
+use ravec::completion::{
+    FragmentIndex, Retouch, RetouchState, SearchOptions, Sources, Step, Target,
+};
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Color, Image, Mask, Rect, Srgba, with_image};
 use ravec_jobs::complete::{Complete as Operation, Corners as Polygon, RecordedSteps};
@@ -386,15 +388,30 @@ fn find(
     let words = |error: &dyn std::fmt::Display| error.to_string();
     let geometry = json!([edit.param("polygons"), edit.param("planes")]);
     let key = format!("{} {geometry}", input.key).into();
-    let index = memory.keep("fragment index", &key, || {
-        index(picture, &operation, progress)
+    let (index, state) = memory.keep("fragment index", &key, || {
+        let index = index(picture, &operation, progress)?;
+        Ok::<_, String>((index, None::<RetouchState>))
     })?;
-    let mut retouch = Retouch::new(index);
-    if let Some(RecordedSteps { steps, .. }) = &operation.recorded {
-        retouch
-            .replay(steps, progress)
-            .map_err(|error| words(&error))?;
-    }
+    let resumed = state.take().and_then(|state| Retouch::resume(index, state));
+    let mut retouch = resumed.unwrap_or_else(|| Retouch::new(index));
+    let recorded = operation.recorded.as_ref();
+    let steps = recorded.map_or(&[][..], |RecordedSteps { steps, .. }| steps);
+    let followed = retouch.follow(steps, progress);
+    let found = followed
+        .map_err(|error| words(&error))
+        .and_then(|()| fragments(&mut retouch, picture, search, progress));
+    *state = Some(retouch.suspend());
+    found
+}
+
+/// The fragments that fit at a position.
+fn fragments(
+    retouch: &mut Retouch<'_>,
+    picture: &Picture,
+    search: &Search,
+    progress: &Progress,
+) -> Result<Vec<Preview>, String> {
+    let words = |error: &dyn std::fmt::Display| error.to_string();
     let at = DVec2::new(search.at[0] as f64 + 0.5, search.at[1] as f64 + 0.5);
     let plane = retouch.index().plane_at(at);
     let target = Target {
@@ -414,7 +431,7 @@ fn find(
         let step = retouch.step(&target, found);
         if retouch.apply(&step, progress).is_ok() {
             let (shown, place) =
-                with_image!(&picture.image, image => ring(&retouch, image, at, search.radius))
+                with_image!(&picture.image, image => ring(retouch, image, at, search.radius))
                     .ok_or("outside of the picture")?;
             steps.push((step, shown, place));
             retouch.undo();

@@ -2,6 +2,7 @@
 
 use super::quad::{self, Corners};
 use super::{Desk, Hand};
+use crate::assistant::Memory;
 use crate::engine::EditInput;
 use egui::{Color32, Key, Ui};
 use ravec::planar::{QuadGrid, SnapParams, encoded_luminance, propose_planes, snap, snap_counting};
@@ -24,6 +25,8 @@ pub(crate) struct PlaneAids {
     pub proposes: bool,
     /// Columns and rows of the grid that snaps; zeros search for them.
     pub grid: [u32; 2],
+    /// The input whose edges were asked for.
+    prepared: Option<Arc<str>>,
     /// The quadrilateral for which snapping was asked.
     snapping: Option<Corners>,
     /// The last message.
@@ -107,6 +110,14 @@ impl PlaneAids {
             let k = usize::from(hand.ui.input(|input| input.modifiers.alt));
             self.grid[k] = self.grid[k].saturating_add_signed(turned as i32).min(100);
         }
+        if self.prepared.as_ref() != Some(&hand.input.key) {
+            self.prepared = Some(hand.input.key.clone());
+            let input = hand.input.clone();
+            // the first snap need not wait for it
+            hand.assistant.ask("luminance", move |memory, _| {
+                luminance(memory, &input).map(drop)
+            });
+        }
         let pressed = hand
             .ui
             .input(|input| input.key_pressed(Key::S) && input.modifiers.is_none());
@@ -114,11 +125,8 @@ impl PlaneAids {
             let (input, from, grid) = (hand.input.clone(), *corners, self.grid);
             self.snapping = Some(from);
             hand.assistant.ask("snap", move |memory, progress| {
-                let plane = memory.keep("luminance", &input.key, || {
-                    let picture = input.content.picture().ok_or(())?;
-                    Ok::<Plane, ()>(with_image!(&picture.image, image => encoded_luminance(image)))
-                });
-                let found = snapped(plane.ok()?, &from, grid, progress);
+                let plane = luminance(memory, &input)?;
+                let found = snapped(plane, &from, grid, progress);
                 Some(SnapAnswer { from, found })
             });
         }
@@ -139,6 +147,13 @@ impl PlaneAids {
             }
         }
     }
+}
+
+/// The luminance of a picture, in which edges are found.
+fn luminance<'a>(memory: &'a mut Memory, input: &EditInput) -> Option<&'a mut Plane> {
+    let picture = input.content.picture()?;
+    let make = || Ok::<_, ()>(with_image!(&picture.image, image => encoded_luminance(image)));
+    memory.keep("luminance", &input.key, make).ok()
 }
 
 /// The planes that the edges of a picture propose.
