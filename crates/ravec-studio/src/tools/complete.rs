@@ -3,9 +3,9 @@
 use super::outline::{self, Outline};
 use super::planes::PlaneAids;
 use super::quad::{self, Corners, QuadHandle};
-use super::{Desk, Gesture, Hand, Tool, rectify, with_params};
+use super::{Desk, DraftFn, DraftJob, DraftView, Gesture, Hand, Tool, rectify, with_params};
 use crate::assistant::{Assistant, Memory};
-use crate::content::Content;
+use crate::content::{Content, View};
 use crate::document::Edit;
 use crate::engine::EditInput;
 use crate::shown::Shown;
@@ -121,8 +121,18 @@ impl Tool for Complete {
         match self.mode {
             Mode::Area | Mode::Planes => true,
             // without an area there is nothing to run
-            Mode::Fragments | Mode::Result => edit.param("polygons").is_null(),
+            Mode::Result => edit.param("polygons").is_null(),
+            // without fragments the area would be filled as a whole
+            Mode::Fragments => count_of_fragments(edit) == 0,
         }
+    }
+
+    fn draft(&self) -> Option<DraftFn> {
+        (self.mode == Mode::Fragments).then_some(draft as DraftFn)
+    }
+
+    fn drafts_first(&self) -> bool {
+        true
     }
 
     fn hidden(&self) -> &'static [&'static str] {
@@ -233,11 +243,7 @@ impl Tool for Complete {
                         .suffix(" px");
                     ui.add(value).labelled_by(label.id);
                 });
-                let count = edit
-                    .fields
-                    .get("recorded")
-                    .and_then(|steps| steps["steps"].as_array());
-                let count = count.map_or(0, Vec::len);
+                let count = count_of_fragments(edit);
                 ui.horizontal(|ui| {
                     ui.label(format!("{count} fragments set"));
                     if ui
@@ -264,6 +270,13 @@ impl Tool for Complete {
         }
         changed.map(Gesture::done)
     }
+}
+
+/// Number of the fragments that were set by hand.
+fn count_of_fragments(edit: &Edit) -> usize {
+    let recorded = edit.fields.get("recorded");
+    let steps = recorded.and_then(|recorded| recorded["steps"].as_array());
+    steps.map_or(0, Vec::len)
 }
 
 fn with_plane(edit: &Edit, corners: Corners) -> Edit {
@@ -337,7 +350,9 @@ impl Complete {
             }
             let (input, edit, asked) = (hand.input.clone(), edit.clone(), search.clone());
             hand.assistant.ask(FRAGMENTS, move |memory, progress| {
-                let found = find(&input, &edit, &asked, memory, progress);
+                let found = with_retouch(&input, &edit, memory, progress, |retouch, picture| {
+                    fragments(retouch, picture, &asked, progress)
+                });
                 let (steps, problem) = match found {
                     Ok(steps) => (steps, None),
                     Err(problem) => (Vec::new(), Some(problem)),
@@ -367,14 +382,33 @@ impl Complete {
     }
 }
 
-/// The fragments that fit at a position after the steps of an edit.
-fn find(
+/// The area after the steps of an edit.
+fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
+    let area = |retouch: &mut Retouch<'_>, picture: &Picture| {
+        let whole = Rect::of(picture.image.size());
+        let bounds = retouch.index().hole().bounding_box();
+        let part = bounds.unwrap_or(whole).intersection(whole);
+        let pixels = with_image!(&picture.image, image => {
+            retouch.picture_in(image, part).map(AnyImage::from)
+        });
+        let shown = Shown::new(Arc::new(picture.with_pixels(pixels.ok_or("no area")?)));
+        let place = [part.col, part.row, part.width, part.height].map(|side| side as f64);
+        Ok(DraftView {
+            place: Some(place),
+            ..DraftView::whole(View::Picture(Arc::new(shown)))
+        })
+    };
+    with_retouch(&job.input, &job.edit, memory, progress, area).ok()
+}
+
+/// Works on the picture of an edit after its steps, which is kept from question to question.
+fn with_retouch<T>(
     input: &EditInput,
     edit: &Edit,
-    search: &Search,
     memory: &mut Memory,
     progress: &Progress,
-) -> Result<Vec<Preview>, String> {
+    work: impl FnOnce(&mut Retouch<'_>, &Picture) -> Result<T, String>,
+) -> Result<T, String> {
     let Content::Picture(picture) = &input.content else {
         return Err("fragments are for pictures".to_owned());
     };
@@ -385,7 +419,6 @@ fn find(
     if operation.params.polygons.is_empty() {
         return Err("draw an area first".to_owned());
     }
-    let words = |error: &dyn std::fmt::Display| error.to_string();
     let geometry = json!([edit.param("polygons"), edit.param("planes")]);
     let key = format!("{} {geometry}", input.key).into();
     let (index, state) = memory.keep("fragment index", &key, || {
@@ -397,11 +430,11 @@ fn find(
     let recorded = operation.recorded.as_ref();
     let steps = recorded.map_or(&[][..], |RecordedSteps { steps, .. }| steps);
     let followed = retouch.follow(steps, progress);
-    let found = followed
-        .map_err(|error| words(&error))
-        .and_then(|()| fragments(&mut retouch, picture, search, progress));
+    let done = followed
+        .map_err(|error| error.to_string())
+        .and_then(|()| work(&mut retouch, picture));
     *state = Some(retouch.suspend());
-    found
+    done
 }
 
 /// The fragments that fit at a position.
