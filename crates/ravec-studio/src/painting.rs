@@ -16,6 +16,9 @@ pub(crate) struct Painting {
     present: Option<Present>,
 }
 
+/// A picture with its strokes, and its view.
+pub(crate) type Finished = (Arc<Picture>, Option<Arc<Shown>>);
+
 struct Present {
     key: Arc<str>,
     brush: Brush,
@@ -39,16 +42,26 @@ fn strokes_of(edit: &Edit, picture: &Picture) -> Option<Vec<Stroke>> {
 }
 
 impl Painting {
-    /// The picture with the strokes of an edit, if these are the ones that were painted here.
-    pub fn finished(&self, key: &str, edit: &Edit, input: &Picture) -> Option<Picture> {
+    /// The picture with the strokes of an edit, if these are the ones that were painted here, and its view where it is the one that
+    /// was shown last.
+    pub fn finished(&self, key: &str, edit: &Edit, input: &Picture) -> Option<Finished> {
         let present = self.present.as_ref()?;
         let strokes = strokes_of(edit, input)?;
         let (last, before) = strokes.split_last()?;
         let same = *present.key == *key && present.done == before && present.brush.stroke() == last;
-        same.then(|| input.with_image(present.brush.image()))
+        if !same {
+            return None;
+        }
+        // gray pictures and those with alpha are judged as a whole
+        if input.origin.gray || input.image.has_alpha() {
+            let picture = input.with_image(present.brush.image());
+            return Some((Arc::new(picture), None));
+        }
+        let shown = present.shown.clone();
+        Some((shown.picture().clone(), Some(Arc::new(shown))))
     }
 
-    /// Paints what is new in the strokes of an edit; the picture as a screen shows it, or `None` if there is no stroke that can be
+    /// Paints what is new in the strokes of an edit, which a cancellation does not stop; the picture as a screen shows it, or `None` if there is no stroke that can be
     /// painted here.
     ///
     /// # Errors
@@ -67,28 +80,27 @@ impl Painting {
             return Ok(None);
         };
         let known = self.present.take().filter(|present| present.key == *key);
-        let (mut present, region) =
-            match known.map(|present| present.advance(before, last, progress)) {
-                Some(Ok(Some(advanced))) => advanced,
-                Some(Err(error)) => return Err(error),
-                Some(Ok(None)) | None => {
-                    // stroke by stroke, so that each can be taken off again
-                    let mut brush = Brush::begin(input.convert(), strokes[0].clone(), progress)?;
-                    for (number, stroke) in strokes.iter().enumerate().skip(1) {
-                        let painted = brush.next_stroke(stroke.clone(), progress);
-                        painted.map_err(|error| numbered(error, number + 1))?;
-                    }
-                    let picture = input.with_image(brush.image());
-                    let present = Present {
-                        key: key.clone(),
-                        brush,
-                        done: before.to_vec(),
-                        shown: Shown::new(Arc::new(picture)),
-                        spare: None,
-                    };
-                    (present, Rect::default())
+        let (mut present, region) = match known.map(|present| present.advance(before, last)) {
+            Some(Ok(Some(advanced))) => advanced,
+            Some(Err(error)) => return Err(error),
+            Some(Ok(None)) | None => {
+                // stroke by stroke, so that each can be taken off again
+                let mut brush = Brush::begin(input.convert(), strokes[0].clone(), progress)?;
+                for (number, stroke) in strokes.iter().enumerate().skip(1) {
+                    let painted = brush.next_stroke(stroke.clone(), progress);
+                    painted.map_err(|error| numbered(error, number + 1))?;
                 }
-            };
+                let picture = input.with_image(brush.image());
+                let present = Present {
+                    key: key.clone(),
+                    brush,
+                    done: before.to_vec(),
+                    shown: Shown::new(Arc::new(picture)),
+                    spare: None,
+                };
+                (present, Rect::default())
+            }
+        };
         if !region.is_empty() {
             let before = present.shown.picture().clone();
             let picture = patched(present.spare.take(), &before, present.brush.image(), region);
@@ -107,8 +119,9 @@ impl Present {
         mut self,
         before: &[Stroke],
         last: &Stroke,
-        progress: &Progress,
     ) -> Result<Option<(Self, Rect)>, StrokeError> {
+        // half of a stroke would be of no use, and the whole is soon there
+        let progress = &Progress::none();
         let mut region = Rect::default();
         let shared = before.len().min(self.done.len());
         if before[..shared] != self.done[..shared] {
@@ -147,9 +160,8 @@ impl Present {
             region = region.bounding(painted.map_err(|error| numbered(error, before.len() + 1))?);
         }
         let count = self.brush.stroke().points.len();
-        for &point in &last.points[count..] {
-            region = region.bounding(self.brush.extend(point, progress)?);
-        }
+        let extended = self.brush.extend_along(&last.points[count..], progress);
+        region = region.bounding(extended?);
         Ok(Some((self, region)))
     }
 }
@@ -267,8 +279,9 @@ mod tests {
                     Shown::new(expected.clone()).pixels(),
                     "{tool}"
                 );
-                let finished = painting.finished(&key, &edit, &input).unwrap();
+                let (finished, view) = painting.finished(&key, &edit, &input).unwrap();
                 assert_eq!(finished.image, expected.image);
+                assert_eq!(view.unwrap().pixels(), shown.pixels());
             }
             strokes.push(stroke(tool, &points));
         }

@@ -125,6 +125,17 @@ fn a_stroke_is_the_same_live_replayed_and_cut_into_pieces() {
                 brush.finish() == whole,
                 "{tool:?} live, accumulate {accumulate}"
             );
+            // in batches of several lengths, the last of which is longer than what is painted at once
+            let mut brush =
+                Brush::begin(image.clone(), stroke(vec![cut[0]]), &Progress::none()).unwrap();
+            for range in [1..2, 2..4, 4..4, 4..cut.len()] {
+                let changed = brush.extend_along(&cut[range.clone()], &Progress::none());
+                assert_eq!(changed.unwrap().is_empty(), range.is_empty());
+            }
+            assert!(
+                brush.finish() == whole,
+                "{tool:?} in batches, accumulate {accumulate}"
+            );
         }
     }
 }

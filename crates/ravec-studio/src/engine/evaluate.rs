@@ -6,7 +6,7 @@ use super::{EditInput, Failure, Request, lock};
 use crate::content::{Content, Kind, View, Visible};
 use crate::device::edit_context;
 use crate::document::{Edit, EditId, is_result_name, result_name};
-use crate::painting::Painting;
+use crate::painting::{Finished, Painting};
 use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
 use ravec::progress::Progress;
 use ravec_jobs::{Context, JobError, Report};
@@ -98,7 +98,16 @@ pub(super) fn evaluate(
                 let content = shot.result(of, &input.content, frame.number, &context);
                 content.map(|content| (content, None))
             }
-            _ => run(edit, &input, painting, progress),
+            _ => match painted(edit, &input, painting, progress) {
+                Some((picture, view)) => {
+                    if let Some(view) = view {
+                        cache.insert_view(&keys[done + 1], View::Picture(view));
+                    }
+                    Ok((Content::Picture(picture), None))
+                }
+                None => run_in_memory(edit, &input.content, progress)
+                    .map(|(content, report)| (content, Some(report))),
+            },
         };
         let (content, report) = match result_of {
             Ok(done) => done,
@@ -191,24 +200,19 @@ pub(crate) enum RunError {
     Job(JobError),
 }
 
-/// Runs one edit in memory. A brush goes on from the picture in the hand, if there is one.
-fn run(
+/// The result of a brush that goes on from the picture in the hand.
+fn painted(
     edit: &Edit,
     input: &EditInput,
     painting: &Mutex<Painting>,
     progress: &Progress,
-) -> Result<(Content, Option<Report>), RunError> {
-    if let Some(picture) = input.content.picture() {
-        let mut painting = lock(painting);
-        // strokes that make no sense get their message from the operation
-        if let Ok(Some(_)) = painting.follow(&input.key, edit, picture, progress)
-            && let Some(painted) = painting.finished(&input.key, edit, picture)
-        {
-            return Ok((Content::Picture(Arc::new(painted)), None));
-        }
-    }
-    let (content, report) = run_in_memory(edit, &input.content, progress)?;
-    Ok((content, Some(report)))
+) -> Option<Finished> {
+    let picture = input.content.picture()?;
+    let mut painting = lock(painting);
+    // strokes that make no sense get their message from the operation
+    let followed = painting.follow(&input.key, edit, picture, progress);
+    followed.ok().flatten()?;
+    painting.finished(&input.key, edit, picture)
 }
 
 /// Runs one edit on a content.

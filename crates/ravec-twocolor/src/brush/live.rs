@@ -6,6 +6,7 @@ use super::history::{Ended, History};
 use super::path::Path;
 use super::stroke::{Problem, Stroke, StrokeError, Tool};
 use super::tool::Painter;
+use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Plane, Rect};
 
@@ -145,14 +146,43 @@ impl Brush {
     /// # Errors
     /// As [`begin`](Self::begin); the stroke is then as it was.
     pub fn extend(&mut self, point: [f64; 2], progress: &Progress) -> Result<Rect, StrokeError> {
-        self.stroke.points.push(point);
+        self.extend_together(&[point], progress)
+    }
+
+    /// Moves the brush along points, with the same result as point by point; returns the pixels that may have changed. Points
+    /// that lie close together are painted at once, for the cost of one.
+    ///
+    /// # Errors
+    /// As [`extend`](Self::extend); the points before stay.
+    pub fn extend_along(
+        &mut self,
+        points: &[[f64; 2]],
+        progress: &Progress,
+    ) -> Result<Rect, StrokeError> {
+        let mut changed = Rect::default();
+        let mut rest = points;
+        while !rest.is_empty() {
+            let (now, later) = rest.split_at(close(rest, 2.0 * self.stroke.radius_px));
+            changed = changed.bounding(self.extend_together(now, progress)?);
+            rest = later;
+        }
+        Ok(changed)
+    }
+
+    fn extend_together(
+        &mut self,
+        points: &[[f64; 2]],
+        progress: &Progress,
+    ) -> Result<Rect, StrokeError> {
+        let before = self.stroke.points.len();
+        self.stroke.points.extend_from_slice(points);
         if let Err(error) = check(&self.stroke) {
-            self.stroke.points.pop();
+            self.stroke.points.truncate(before);
             return Err(error);
         }
         let path = Path::of(&self.stroke);
-        // the last corner may have gone, so the segment before the new one counts as changed
-        let region = path.bounds_of_end(2);
+        // the last corner may have gone, so the segment before the new ones counts as changed
+        let region = path.bounds_of_end(points.len() + 1);
         self.repaint(&path, region, progress)
     }
 
@@ -209,6 +239,17 @@ impl Brush {
 fn check(stroke: &Stroke) -> Result<(), StrokeError> {
     let checked = stroke.check();
     checked.map_err(|Problem(problem)| StrokeError::Stroke { number: 1, problem })
+}
+
+/// Number of the first points, at least one, that lie within a square of this side.
+fn close(points: &[[f64; 2]], side: f64) -> usize {
+    let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    let mut fits = |point: &&[f64; 2]| {
+        low = low.min(DVec2::from_array(**point));
+        high = high.max(DVec2::from_array(**point));
+        (high - low).max_element() <= side
+    };
+    points.iter().take_while(|point| fits(point)).count().max(1)
 }
 
 /// The selection that a mask stroke begins with.
