@@ -14,6 +14,8 @@ use std::sync::Arc;
 #[derive(Default)]
 pub(crate) struct Painting {
     present: Option<Present>,
+    /// An input before its first stroke, in the pixels of the brush.
+    blank: Option<(Arc<str>, Image<LinearRgba>)>,
 }
 
 /// A picture with its strokes, and its view.
@@ -77,6 +79,10 @@ impl Painting {
             return Ok(None);
         };
         let Some((last, before)) = strokes.split_last() else {
+            // the first stroke need not wait for it
+            if self.blank.as_ref().is_none_or(|(of, _)| of != key) {
+                self.blank = Some((key.clone(), input.convert()));
+            }
             return Ok(None);
         };
         let known = self.present.take().filter(|present| present.key == *key);
@@ -85,7 +91,9 @@ impl Painting {
             Some(Err(error)) => return Err(error),
             Some(Ok(None)) | None => {
                 // stroke by stroke, so that each can be taken off again
-                let mut brush = Brush::begin(input.convert(), strokes[0].clone(), progress)?;
+                let blank = self.blank.take().filter(|(of, _)| of == key);
+                let blank = blank.map_or_else(|| input.convert(), |(_, blank)| blank);
+                let mut brush = Brush::begin(blank, strokes[0].clone(), progress)?;
                 for (number, stroke) in strokes.iter().enumerate().skip(1) {
                     let painted = brush.next_stroke(stroke.clone(), progress);
                     painted.map_err(|error| numbered(error, number + 1))?;
