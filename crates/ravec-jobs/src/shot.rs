@@ -43,6 +43,13 @@ struct BareTrack {
     frame_from_reference: Vec<[f64; 9]>,
 }
 
+/// The same of several planes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BareTracks {
+    planes: Vec<BareTrack>,
+}
+
 /// Choice of a plane and convention of a [`BareTrack`].
 pub(crate) struct TrackChoice<'a> {
     pub path: &'a Path,
@@ -53,8 +60,7 @@ pub(crate) struct TrackChoice<'a> {
 }
 
 impl ShotTrack {
-    /// Reads a track as `ravec track` writes it, or an object with nothing but `frame_from_reference`. Where the plane is lost, the
-    /// last known map is kept.
+    /// Reads a plane of a track.
     ///
     /// # Errors
     /// [`JobError::TrackFile`], [`JobError::Parameter`] for a plane that the file lacks.
@@ -63,6 +69,28 @@ impl ShotTrack {
         report: &mut Report,
         context: &Context,
     ) -> Result<Self, JobError> {
+        let tracks = Self::read_all(choice, report, context)?;
+        let planes = tracks.len();
+        let index = choice.plane.checked_sub(1);
+        index
+            .and_then(|index| tracks.into_iter().nth(index))
+            .ok_or_else(|| JobError::Parameter {
+                field: "plane",
+                value: format!("{}, and the track has {planes}", choice.plane),
+                range: "the number of one of its planes",
+            })
+    }
+
+    /// Reads all planes of a track as `ravec track` writes it, or of an object with nothing but `frame_from_reference`, or with a list
+    /// `planes` of such objects. Where a plane is lost, its last known map is kept.
+    ///
+    /// # Errors
+    /// [`JobError::TrackFile`].
+    pub fn read_all(
+        choice: &TrackChoice<'_>,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Vec<Self>, JobError> {
         let path = choice.path;
         let failed = |reason: String| JobError::TrackFile {
             path: path.to_path_buf(),
@@ -78,45 +106,46 @@ impl ShotTrack {
             format: "json".to_owned(),
             ..FileReport::default()
         });
-        if let Ok(bare) = serde_json::from_str::<BareTrack>(&text) {
-            let maps = bare.frame_from_reference.iter().enumerate();
-            let maps = maps.map(|(frame, rows)| {
-                Homography::from_matrix(DMat3::from_cols_array(rows).transpose())
-                    .map(|map| choice.centers.read_map(&map))
-                    .map_err(|cause| {
-                        let place = "`frame_from_reference` is no map between frames";
-                        failed(format!("frame {frame}: {place}: {cause}"))
-                    })
-            });
-            let frame_from_reference: Vec<_> = maps.collect::<Result<_, _>>()?;
-            if frame_from_reference.is_empty() {
-                return Err(failed("it has no frames".to_owned()));
-            }
-            return Ok(Self {
-                first: 0,
-                lost: vec![false; frame_from_reference.len()],
-                frame_from_reference,
-                reference: 0,
-            });
+        let bare = serde_json::from_str::<BareTrack>(&text)
+            .map(|track| vec![track])
+            .or_else(|_| serde_json::from_str::<BareTracks>(&text).map(|tracks| tracks.planes));
+        if let Ok(bare) = bare {
+            let tracks = bare
+                .iter()
+                .map(|track| Self::of_bare(track, choice.centers));
+            return tracks.collect::<Result<_, _>>().map_err(failed);
         }
         let file = TrackFile::from_json(&text, context.max_frames).map_err(failed)?;
-        let planes = file.planes.len();
-        let plane = choice
-            .plane
-            .checked_sub(1)
-            .and_then(|index| file.planes.into_iter().nth(index));
-        let track = plane.ok_or_else(|| JobError::Parameter {
-            field: "plane",
-            value: format!("{}, and the track has {planes}", choice.plane),
-            range: "the number of one of its planes",
-        })?;
-        Ok(Self {
+        let tracks = file.planes.into_iter().map(|track| Self {
             first: track.first,
             frame_from_reference: held(&track.frames),
             lost: (track.frames.iter())
                 .map(|frame| frame.state == TrackState::Lost)
                 .collect(),
             reference: track.reference,
+        });
+        Ok(tracks.collect())
+    }
+
+    fn of_bare(bare: &BareTrack, centers: PixelCenters) -> Result<Self, String> {
+        let maps = bare.frame_from_reference.iter().enumerate();
+        let maps = maps.map(|(frame, rows)| {
+            Homography::from_matrix(DMat3::from_cols_array(rows).transpose())
+                .map(|map| centers.read_map(&map))
+                .map_err(|cause| {
+                    let place = "`frame_from_reference` is no map between frames";
+                    format!("frame {frame}: {place}: {cause}")
+                })
+        });
+        let frame_from_reference: Vec<_> = maps.collect::<Result<_, _>>()?;
+        if frame_from_reference.is_empty() {
+            return Err("it has no frames".to_owned());
+        }
+        Ok(Self {
+            first: 0,
+            lost: vec![false; frame_from_reference.len()],
+            frame_from_reference,
+            reference: 0,
         })
     }
 
@@ -145,7 +174,26 @@ pub(crate) struct ShotPlate {
     /// Transparent pixels.
     unknown: Option<Mask>,
     pad_px: usize,
+    /// The parts that lie on planes of their own, the foremost first; none if the plate is of one plane.
+    regions: Vec<Region>,
 }
+
+/// The part of a plate that lies on a plane.
+struct Region {
+    /// Pixels that do not belong to it, or are transparent.
+    unknown: Mask,
+    track: ShotTrack,
+}
+
+/// Files that say on which plane each pixel of a plate lies.
+pub(crate) struct RegionFiles<'a> {
+    pub regions: &'a Path,
+    /// Track of the planes.
+    pub track: &'a TrackChoice<'a>,
+}
+
+/// Pixels by which the part of a plane is enlarged where it is seen, so that no gap opens between planes that meet.
+const SEAM_PX: f64 = 2.0;
 
 /// A plate as one frame would show it.
 pub(crate) struct PlateInFrame {
@@ -167,7 +215,57 @@ impl ShotPlate {
             colors: encoded(picture),
             unknown: unknown.filter(|unknown| !unknown.is_empty()),
             pad_px,
+            regions: Vec::new(),
         }
+    }
+
+    /// The same plate with its planes: gray values of the picture `regions` are their numbers in the track, from 1.
+    ///
+    /// # Errors
+    /// [`JobError::SizesDiffer`], [`JobError::Parameter`] for a plane that the track lacks, those of reading.
+    pub fn with_regions(
+        mut self,
+        plate: &Path,
+        files: &RegionFiles<'_>,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Self, JobError> {
+        let picture = files::read(files.regions, report, context)?;
+        let size = self.colors.size();
+        if picture.image.size() != size {
+            return Err(JobError::SizesDiffer {
+                a: plate.to_path_buf(),
+                a_size: size,
+                b: files.regions.to_path_buf(),
+                b_size: picture.image.size(),
+            });
+        }
+        let numbers: Image<Srgb<u8>> = picture.convert();
+        let tracks = ShotTrack::read_all(files.track, report, context)?;
+        let planes = tracks.len();
+        let largest = numbers.pixels().iter().map(|pixel| pixel.0[0]).max();
+        if let Some(number) = largest.filter(|&number| usize::from(number) > planes) {
+            return Err(JobError::Parameter {
+                field: "regions",
+                value: format!("plane {number}, and the track has {planes}"),
+                range: "a picture whose gray values are numbers of its planes",
+            });
+        }
+        for (index, track) in tracks.into_iter().enumerate() {
+            let own = Mask::from_fn(size, |col, row| {
+                usize::from(numbers[(col, row)].0[0]) == index + 1
+            });
+            if own.is_empty() {
+                continue;
+            }
+            let own = own.dilate(SEAM_PX);
+            let unknown = self.unknown.as_ref();
+            let unknown = Mask::from_fn(size, |col, row| {
+                own.at(col, row) <= 0.0 || unknown.is_some_and(|unknown| unknown.at(col, row) > 0.0)
+            });
+            self.regions.push(Region { unknown, track });
+        }
+        Ok(self)
     }
 
     /// The size of the frames to which the plate belongs.
@@ -177,29 +275,62 @@ impl ShotPlate {
         Size::new(side(size.width())?, side(size.height())?).ok()
     }
 
-    /// The plate in a frame of this size, to which `frame_from_reference` leads.
+    /// The plate in the frame `index` of this size, to which `frame_from_reference` leads. Parts on planes of their own follow
+    /// their tracks, and the first plane is in front; a plane that its track lacks there is not known.
     ///
     /// # Errors
     /// [`JobError::Cancelled`].
     pub fn in_frame(
         &self,
         frame_from_reference: &Homography,
+        index: u64,
         size: Size,
         context: &Context,
     ) -> Result<PlateInFrame, JobError> {
+        let mut pixels = if self.regions.is_empty() {
+            self.warped(frame_from_reference, self.unknown.as_ref(), size, context)?
+        } else {
+            Image::new(size, [0.0; 4])
+        };
+        for region in &self.regions {
+            let Some(map) = region.track.map(index) else {
+                continue;
+            };
+            let behind = self.warped(map, Some(&region.unknown), size, context)?;
+            for (pixel, behind) in pixels.pixels_mut().iter_mut().zip(behind.pixels()) {
+                let open = 1.0 - pixel[3].clamp(0.0, 1.0);
+                for (pixel, behind) in pixel.iter_mut().zip(behind) {
+                    *pixel += open * behind;
+                }
+            }
+        }
+        let colors = pixels.map(|[r, g, b, share]| {
+            let scale = if share > 1e-3 { 1.0 / share } else { 0.0 };
+            [r * scale, g * scale, b * scale]
+        });
+        let known = pixels.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
+        Ok(PlateInFrame { colors, known })
+    }
+
+    /// Colors times share of what is known of the plate in a frame, and this share.
+    fn warped(
+        &self,
+        frame_from_reference: &Homography,
+        unknown: Option<&Mask>,
+        size: Size,
+        context: &Context,
+    ) -> Result<Image<[f32; 4]>, JobError> {
         let shift = Homography::from_translation(DVec2::splat(self.pad_px as f64));
         let shift = shift.unwrap_or(Homography::IDENTITY);
         let middle = DVec2::new(size.width() as f64, size.height() as f64) * 0.5;
         let plate_from_frame = (shift * frame_from_reference.inverse()).facing(middle);
         let scale = plate_from_frame.jacobian(middle).determinant().abs().sqrt();
-        let pixels = if scale < MAX_REDUCTION {
+        Ok(if scale < MAX_REDUCTION {
             context.progress.check()?;
-            interpolated(&self.colors, self.unknown.as_ref(), &plate_from_frame, size)
+            interpolated(&self.colors, unknown, &plate_from_frame, size)
         } else {
-            let known = |at: (usize, usize)| {
-                let unknown = self.unknown.as_ref();
-                unknown.is_none_or(|unknown| unknown.at(at.0, at.1) <= 0.0)
-            };
+            let known =
+                |at: (usize, usize)| unknown.is_none_or(|unknown| unknown.at(at.0, at.1) <= 0.0);
             let pixels = Image::from_fn(self.colors.size(), |col, row| {
                 let [r, g, b] = self.colors[(col, row)];
                 if known((col, row)) {
@@ -211,13 +342,7 @@ impl ShotPlate {
             let progress = context.progress.silent();
             let nothing = Beyond::Pixel([0.0; 4]);
             warp(&pixels, &plate_from_frame, size, nothing, &progress)?
-        };
-        let colors = pixels.map(|[r, g, b, share]| {
-            let scale = if share > 1e-3 { 1.0 / share } else { 0.0 };
-            [r * scale, g * scale, b * scale]
-        });
-        let known = pixels.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
-        Ok(PlateInFrame { colors, known })
+        })
     }
 }
 

@@ -6,6 +6,7 @@
 //! | task | start at |
 //! | --- | --- |
 //! | a picture of the background without what moves before it | [`PlateSamples`] |
+//! | one plate of several planes | [`plate_regions`], [`joined_plate`] |
 //! | strokes of a few frames in all of them | [`CarriedStroke`] |
 //! | a frame without its foreground | [`Removal`] |
 //! | the foreground as a layer, over another background or in another clip | [`Layer`] |
@@ -72,7 +73,7 @@ pub use enhance::{Enhancement, Tone};
 pub use exposure::Exposure;
 pub use interpolated::interpolated;
 pub use layer::{Layer, contact_shadow};
-pub use plate::{Plate, PlateModes, PlateSamples, ShotFrame};
+pub use plate::{Plate, PlateModes, PlateSamples, ShotFrame, joined_plate, plate_regions};
 pub use removal::Removal;
 pub use strokes::{CarriedStroke, StrokeFollower};
 

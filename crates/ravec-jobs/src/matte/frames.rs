@@ -6,7 +6,7 @@ use crate::error::JobError;
 use crate::files;
 use crate::marks::{MarkSource, Marks, UNKNOWN};
 use crate::report::Report;
-use crate::shot::{ShotPlate, ShotTrack, TrackChoice, encoded};
+use crate::shot::{RegionFiles, ShotPlate, ShotTrack, TrackChoice, encoded};
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use ravec::matting::{
     Constraints, Matte as Solution, MattingError, PlateFrame, plate_matte, still_matte,
@@ -139,7 +139,7 @@ impl FrameMattes {
             .constraints(index, &colors, &map, self.trimap.as_ref());
         let found = match (&self.plate, &constraints) {
             (Some(plate), constraints) => {
-                let plate = plate.in_frame(&map, colors.size(), context)?;
+                let plate = plate.in_frame(&map, index, colors.size(), context)?;
                 let input = PlateFrame {
                     known: Some(&plate.known),
                     strokes: constraints.as_ref(),
@@ -169,7 +169,19 @@ fn plate(
     if plate.frame_size() != Some(size) {
         return Err(sizes_differ(matte, size, path, picture.image.size()));
     }
-    Ok(Some(plate))
+    let (Some(regions), Some(track)) = (&matte.regions, &matte.track) else {
+        return Ok(Some(plate));
+    };
+    let track = TrackChoice {
+        path: track,
+        plane: matte.params.plane,
+        centers: matte.params.pixel_centers,
+    };
+    let files = RegionFiles {
+        regions,
+        track: &track,
+    };
+    plate.with_regions(path, &files, report, context).map(Some)
 }
 
 /// Reads the trimap of a picture of this size.

@@ -46,7 +46,7 @@ impl FrameMattes {
         };
         let map = self.map(index)?;
         let colors = encoded(image);
-        let plate = plate.in_frame(&map, colors.size(), context)?;
+        let plate = plate.in_frame(&map, index, colors.size(), context)?;
         let others = self.marks.of_others(index, &colors, &map);
         let (params, centers) = (&self.matte.params.matte, self.matte.params.pixel_centers);
         let own = own_marks(marks, index);

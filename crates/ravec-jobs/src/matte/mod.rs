@@ -49,6 +49,10 @@ pub struct Matte {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
+    /// Planes of a plate of several, as ravec plate --regions writes them: gray values are numbers of planes of the track
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
+    #[serde(default)]
+    pub regions: Option<PathBuf>,
     /// Strokes: a picture for one frame, or a folder of pictures with the number of a frame in their names; white is foreground,
     /// black is background, gray and transparent say nothing
     #[cfg_attr(feature = "cli", arg(long, value_name = "PATH"))]
@@ -183,8 +187,9 @@ impl Operation for Matte {
     const NAME: &'static str = "matte";
 
     fn inputs(&self) -> Vec<&Path> {
-        let optional = [&self.plate, &self.trimap, &self.track, &self.strokes];
-        paths(&self.input, optional)
+        let shot = [&self.plate, &self.track, &self.regions];
+        let marks = [&self.trimap, &self.strokes];
+        paths(&self.input, shot.into_iter().chain(marks))
     }
 
     fn outputs(&self) -> Vec<&Path> {

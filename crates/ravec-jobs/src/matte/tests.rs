@@ -54,6 +54,7 @@ fn operation(folder: &Path, input: &str, output: &str) -> Matte {
         plate: Some(folder.join("plate.png")),
         trimap: None,
         track: None,
+        regions: None,
         strokes: None,
         params: Params::default(),
     }
@@ -296,6 +297,7 @@ fn what_is_needed_differs_between_pictures_and_clips() {
     };
     let track = Matte {
         track: Some(at("track.json")),
+        regions: None,
         ..picture.clone()
     };
     for (matte, field) in [

@@ -18,7 +18,9 @@ use ravec::completion::{CompleteError, CompleteParams, complete};
 use ravec::matting::Constraint;
 use ravec::planar::Homography;
 use ravec::raster::{AnyImage, Image, Mask, Plane, Srgb, Srgba};
-use ravec::video_edit::{Plate as BackgroundPlate, PlateSamples, ShotFrame};
+use ravec::video_edit::{
+    Plate as BackgroundPlate, PlateModes, PlateSamples, ShotFrame, joined_plate, plate_regions,
+};
 use ravec_media::{Format, Picture, WriteOptions};
 use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
@@ -55,6 +57,10 @@ pub struct Plate {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub certainty: Option<PathBuf>,
+    /// Make the plate of all planes of the track, and write which one each pixel lies on: gray values are their numbers, from 1
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
+    #[serde(default)]
+    pub regions: Option<PathBuf>,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -74,7 +80,12 @@ plane of --quad.
 Things that cover a place most of the time must be marked: by --exclude, or by strokes in a few frames; those of --mark are \
 carried through the clip.
 
-Figures: frames, seen_percent, certainty (mean where something was seen), invented_px.";
+With --regions all planes of the track are on the plate, each pixel in the view of the reference frame: a wall and a floor, or cards one behind the other. Each pixel lies on the plane along which the frames agree best. ravec matte and ravec video take the plate with the same --regions; where planes overlap in a frame, the one with the lower number is in front.
+
+Figures: frames, seen_percent, certainty (mean where something was seen), invented_px; planes with --regions.";
+
+/// Planes of a plate at most.
+const MAX_PLANES: usize = 16;
 
 /// Parameters of [`Plate`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -157,7 +168,7 @@ impl Operation for Plate {
     }
 
     fn outputs(&self) -> Vec<&Path> {
-        paths(&self.output, [&self.seen, &self.certainty])
+        paths(&self.output, [&self.seen, &self.certainty, &self.regions])
     }
 
     /// Writes the plate, and the maps that are asked for.
@@ -190,17 +201,14 @@ impl Operation for Plate {
             Some(quad) => Some(quad.check(params.pixel_centers, size)?),
             None => None,
         };
-        let track = match &self.track {
-            Some(path) => {
-                let choice = TrackChoice {
-                    path,
-                    plane: params.plane,
-                    centers: params.pixel_centers,
-                };
-                Some(ShotTrack::read(&choice, &mut report, context)?)
-            }
-            None => None,
+        let tracks = self.tracks(&mut report, context)?;
+        // strokes follow the chosen plane
+        let chosen = if self.regions.is_some() {
+            params.plane - 1
+        } else {
+            0
         };
+        let track = tracks.get(chosen);
         let masks = MaskFiles {
             input: &self.input,
             exclude: self.exclude.as_deref(),
@@ -214,7 +222,7 @@ impl Operation for Plate {
             pictures: &masks.stroke_pictures(),
             carry: params.carry,
             centers: params.pixel_centers,
-            track: track.as_ref(),
+            track,
             track_path: self.track.as_deref(),
         };
         let marks = Marks::carried(&source, &mut report, context)?;
@@ -223,18 +231,40 @@ impl Operation for Plate {
         reader.exclude(masks);
         let mut pass = Passes {
             reader,
-            track: track.as_ref(),
+            tracks: &tracks,
+            chosen,
             marks,
             total,
             frames: 0,
             deep: false,
         };
-        let mut samples = PlateSamples::new(size, params.pad, total)?;
-        pass.run("samples", context, |frame| Ok(samples.add(frame)?))?;
-        let mut modes = samples.modes(&context.progress)?;
-        pass.run("average", context, |frame| Ok(modes.add(frame)?))?;
+        let planes = tracks.len().max(1);
+        let samples = PlateSamples::new(size, params.pad, total)?.sharing_memory(planes);
+        let mut samples = vec![samples; planes];
+        pass.run("samples", context, |plane, frame| {
+            Ok(samples[plane].add(frame)?)
+        })?;
+        let modes = samples
+            .into_iter()
+            .map(|samples| samples.modes(&context.progress));
+        let mut modes: Vec<_> = modes.collect::<Result<_, _>>()?;
+        pass.run("average", context, |plane, frame| {
+            Ok(modes[plane].add(frame)?)
+        })?;
         pass.reader.warn(&mut report);
-        let plate = modes.plate();
+        let mut plates: Vec<BackgroundPlate> = modes.into_iter().map(PlateModes::plate).collect();
+        let plate = match &self.regions {
+            Some(path) => {
+                let regions = plate_regions(&plates)?;
+                let numbers = regions.map(|index| Srgb([index + 1; 3]));
+                let numbers = Picture::from_image(AnyImage::Srgb8(numbers));
+                let options = WriteOptions::default();
+                files::write(path, &numbers, &options, &mut report, context)?;
+                report.figures.insert("planes", planes as f64);
+                joined_plate(&plates, &regions)?
+            }
+            None => plates.swap_remove(0),
+        };
         self.write(&plate, quad, pass.deep, &mut report, context)?;
         report.figures.insert("frames", pass.frames as f64);
         Ok(report)
@@ -244,7 +274,10 @@ impl Operation for Plate {
 /// Passes over the frames of a shot.
 struct Passes<'a> {
     reader: Reader<'a>,
-    track: Option<&'a ShotTrack>,
+    /// The planes; none for a camera that stands still.
+    tracks: &'a [ShotTrack],
+    /// The plane that strokes follow.
+    chosen: usize,
     marks: Marks,
     /// Number of frames, if it is known.
     total: Option<u64>,
@@ -255,12 +288,12 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    /// Calls `take` with each frame in which the plane is found. The next frame is read meanwhile.
+    /// Calls `take` with each plane and each frame in which it is found. The next frame is read meanwhile.
     fn run(
         &mut self,
         name: &'static str,
         context: &Context,
-        mut take: impl FnMut(&ShotFrame<'_>) -> Result<(), JobError> + Send,
+        mut take: impl FnMut(usize, &ShotFrame<'_>) -> Result<(), JobError> + Send,
     ) -> Result<(), JobError> {
         self.reader.seek(self.reader.first())?;
         self.frames = 0;
@@ -269,29 +302,46 @@ impl Passes<'_> {
         while let Some(shot) = current {
             context.progress.check()?;
             self.deep |= is_deep(&shot.image);
-            let (track, marks) = (self.track, &self.marks);
+            let (tracks, chosen, marks) = (self.tracks, self.chosen, &self.marks);
             let (next, taken) = rayon::join(
                 || self.reader.next(),
                 || {
-                    let Some(map) = map_of(track, &shot) else {
-                        return Ok(());
-                    };
+                    let maps: Vec<_> = (0..tracks.len().max(1))
+                        .map(|plane| map_of(tracks.get(plane), &shot))
+                        .collect();
+                    if maps.iter().all(Option::is_none) {
+                        return Ok::<(), JobError>(());
+                    }
                     let colors = encoded(&shot.image);
-                    let strokes = marks.constraints(shot.index, &colors, map, None);
+                    let strokes =
+                        maps[chosen].map(|map| marks.constraints(shot.index, &colors, map, None));
+                    let strokes = strokes.flatten();
                     let marked = |wanted: Constraint| {
                         let strokes = strokes.as_ref()?;
                         Some(Mask::from_fn(colors.size(), |col, row| {
                             Constraint::of(strokes[(col, row)]) == wanted
                         }))
                     };
-                    take(&ShotFrame {
-                        colors: &colors,
-                        frame_from_reference: map,
-                        foreground: shot.exclude.as_ref(),
-                        strokes: marked(Constraint::Foreground).as_ref(),
-                        background: marked(Constraint::Background).as_ref(),
-                        is_reference: track.map_or(0, ShotTrack::reference) == shot.index,
-                    })
+                    let foreground = marked(Constraint::Foreground);
+                    let background = marked(Constraint::Background);
+                    for (plane, map) in maps.into_iter().enumerate() {
+                        let Some(map) = map else {
+                            continue;
+                        };
+                        let reference = tracks.get(plane).map_or(0, ShotTrack::reference);
+                        take(
+                            plane,
+                            &ShotFrame {
+                                colors: &colors,
+                                frame_from_reference: map,
+                                foreground: shot.exclude.as_ref(),
+                                strokes: foreground.as_ref(),
+                                background: background.as_ref(),
+                                is_reference: reference == shot.index,
+                            },
+                        )?;
+                    }
+                    Ok(())
                 },
             );
             taken?;
@@ -313,6 +363,45 @@ fn map_of<'a>(track: Option<&'a ShotTrack>, shot: &Shot) -> Option<&'a Homograph
 }
 
 impl Plate {
+    /// The planes of the plate: the chosen one of the track, or all of them.
+    fn tracks(&self, report: &mut Report, context: &Context) -> Result<Vec<ShotTrack>, JobError> {
+        let Some(path) = &self.track else {
+            return Ok(Vec::new());
+        };
+        let choice = TrackChoice {
+            path,
+            plane: self.params.plane,
+            centers: self.params.pixel_centers,
+        };
+        if self.regions.is_none() {
+            return Ok(vec![ShotTrack::read(&choice, report, context)?]);
+        }
+        let tracks = ShotTrack::read_all(&choice, report, context)?;
+        let planes = tracks.len();
+        if !(1..=planes).contains(&self.params.plane) {
+            return Err(JobError::Parameter {
+                field: "plane",
+                value: format!("{}, and the track has {planes}", self.params.plane),
+                range: "the number of one of its planes",
+            });
+        }
+        if planes > MAX_PLANES {
+            return Err(JobError::TrackFile {
+                path: path.clone(),
+                reason: format!("it has {planes} planes, and a plate has at most {MAX_PLANES}"),
+            });
+        }
+        let reference = tracks[0].reference();
+        if tracks.iter().any(|track| track.reference() != reference) {
+            return Err(JobError::TrackFile {
+                path: path.clone(),
+                reason: "its planes are given in different frames: a plate has the view of one"
+                    .to_owned(),
+            });
+        }
+        Ok(tracks)
+    }
+
     /// Writes the plate and the maps.
     fn write(
         &self,

@@ -55,6 +55,7 @@ fn operation(folder: &Path) -> Plate {
         strokes: None,
         seen: Some(folder.join("seen.png")),
         certainty: Some(folder.join("certainty.png")),
+        regions: None,
         params: Params {
             pad: 6,
             ..Params::default()

@@ -15,6 +15,9 @@
 mod coherent;
 mod hidden;
 mod modes;
+mod regions;
+
+pub use regions::{joined_plate, plate_regions};
 
 use crate::exposure::{Exposure, Pair, median};
 use crate::interpolated::interpolated;
@@ -85,6 +88,9 @@ pub struct Plate {
     /// Certainty, 0 to 1: the share of the samples of a pixel that agree with its color, times `n / (n + 1)` for `n` samples that
     /// do. 0 where nothing was seen.
     pub certainty: Plane,
+    /// Standard deviation of the samples that agree, in units of color: noise, and more where the map to the frames is wrong. 0 where
+    /// nothing was seen.
+    pub spread: Plane,
 }
 
 /// Geometry of a plate: that of the reference frame, with `pad_px` pixels more on each side.
@@ -173,10 +179,13 @@ enum Label {
 type Layer = Image<[u8; 4]>;
 
 /// The first pass over the frames of a shot.
+#[derive(Clone)]
 pub struct PlateSamples {
     geometry: Geometry,
     layers: Vec<Layer>,
     max_layers: usize,
+    /// Number of frames, if it is known.
+    total: Option<u64>,
     /// Every so many frames are kept.
     stride: u64,
     frames: u64,
@@ -206,10 +215,23 @@ impl PlateSamples {
             },
             layers: Vec::new(),
             max_layers,
+            total: frames,
             stride,
             frames: 0,
             marks: Vec::new(),
         })
+    }
+
+    /// Keeps as many samples only that those of `plates` plates, which are made at once, fit into memory.
+    #[must_use]
+    pub fn sharing_memory(mut self, plates: usize) -> Self {
+        self.max_layers = (self.max_layers / plates.max(1)).max(MIN_LAYERS);
+        self.stride = self
+            .total
+            .unwrap_or(1)
+            .div_ceil(self.max_layers as u64)
+            .max(1);
+        self
     }
 
     /// Takes the next frame.
@@ -357,6 +379,7 @@ impl PlateSamples {
             radius: radius / 255.0,
             modes,
             sums: Image::new(size, [0.0; 4]),
+            squares: Plane::new(size, 0.0),
             samples: Plane::new(size, 0.0),
             reference: Exposure::SAME,
         })
@@ -402,6 +425,8 @@ pub struct PlateModes {
     modes: Image<[f32; 4]>,
     /// Weighted sums of the samples that agree, and their weight.
     sums: Image<[f32; 4]>,
+    /// Weighted sum of the squared distances of these samples to the mode, a channel.
+    squares: Plane,
     /// Number of samples.
     samples: Plane,
     /// Exposure of the reference frame.
@@ -425,17 +450,21 @@ impl PlateModes {
         let scale = 1.0 / (self.radius * self.radius);
         self.sums
             .par_rows_mut()
-            .zip(self.samples.par_rows_mut())
+            .zip(self.samples.par_rows_mut().zip(self.squares.par_rows_mut()))
             .zip(self.modes.par_rows().zip(stabilized.par_rows()))
-            .for_each(|((sums, samples), (modes, stabilized))| {
-                for (((sums, samples), mode), [r, g, b, share]) in
-                    sums.iter_mut().zip(samples).zip(modes).zip(stabilized)
+            .for_each(|((sums, (samples, squares)), (modes, stabilized))| {
+                let counts = samples.iter_mut().zip(squares);
+                for (((sums, (samples, squares)), mode), [r, g, b, share]) in
+                    sums.iter_mut().zip(counts).zip(modes).zip(stabilized)
                 {
                     if *share == 0.0 {
                         continue;
                     }
                     let color = exposure.undone([*r, *g, *b]);
-                    let weight = biweight([0, 1, 2].map(|c| color[c] - mode[c]), scale);
+                    let distance = [0, 1, 2].map(|c| color[c] - mode[c]);
+                    let weight = biweight(distance, scale);
+                    let square: f32 = distance.iter().map(|value| value * value).sum();
+                    *squares += weight * square / 3.0;
                     for (sum, value) in sums.iter_mut().zip(color) {
                         *sum += weight * value;
                     }
@@ -470,12 +499,21 @@ impl PlateModes {
                 0.0
             }
         });
+        let spread = Plane::from_fn(size, |col, row| {
+            let weight = self.sums[(col, row)][3];
+            if seen(col, row) && weight > MIN_WEIGHT {
+                (self.squares[(col, row)] / weight).sqrt()
+            } else {
+                0.0
+            }
+        });
         let seen = Mask::from_fn(size, seen);
         let colors = surrounded(&colors, &seen);
         Plate {
             colors,
             seen,
             certainty,
+            spread,
         }
     }
 }

@@ -17,7 +17,9 @@ use crate::files;
 use crate::matte::FrameMattes;
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
-use crate::shot::{ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
+use crate::shot::{
+    RegionFiles, ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep,
+};
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
 use crate::track::rewrite::{Target, rewrite};
@@ -67,6 +69,7 @@ struct EditInputs<'a> {
     output: &'a Path,
     plate: &'a Path,
     track: Option<&'a Path>,
+    regions: Option<&'a Path>,
     matte: &'a Path,
     params: &'a ShotParams,
     encoding: &'a Encoding,
@@ -181,9 +184,14 @@ impl Edit {
             b_size,
         };
         let picture = files::read(inputs.plate, report, context)?.image;
-        let plate = ShotPlate::new(&picture, inputs.params.pad);
+        let mut plate = ShotPlate::new(&picture, inputs.params.pad);
         if plate.frame_size() != Some(size) {
             return Err(plate_size(picture.size()));
+        }
+        if let (Some(regions), Some(track)) = (inputs.regions, inputs.track) {
+            let track = &track_choice(track, inputs.params);
+            let files = RegionFiles { regions, track };
+            plate = plate.with_regions(inputs.plate, &files, report, context)?;
         }
         let track = match inputs.track {
             Some(path) => Some(read_track(path, inputs.params, report, context)?),
@@ -226,7 +234,7 @@ impl Edit {
         let map = self.map(index)?;
         let alpha = self.alpha.of(index, image, context)?;
         let colors = encoded(image);
-        let shown = self.plate.in_frame(&map, self.size, context)?;
+        let shown = self.plate.in_frame(&map, index, self.size, context)?;
         let usable = |col: usize, row: usize| {
             shown.known[(col, row)] > 0.99 && alpha[(col, row)] < MAX_ALPHA
         };
@@ -250,12 +258,15 @@ fn read_track(
     report: &mut Report,
     context: &Context,
 ) -> Result<ShotTrack, JobError> {
-    let choice = TrackChoice {
+    ShotTrack::read(&track_choice(path, params), report, context)
+}
+
+fn track_choice<'a>(path: &'a Path, params: &ShotParams) -> TrackChoice<'a> {
+    TrackChoice {
         path,
         plane: params.plane,
         centers: params.pixel_centers,
-    };
-    ShotTrack::read(&choice, report, context)
+    }
 }
 
 /// The map to a frame from the reference frame; the identity without a track.

@@ -51,6 +51,10 @@ pub struct Paste {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
+    /// Planes of a plate of several, as ravec plate --regions writes them: gray values are numbers of planes of the track
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
+    #[serde(default)]
+    pub regions: Option<PathBuf>,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -109,7 +113,12 @@ impl Operation for Paste {
     fn inputs(&self) -> Vec<&Path> {
         let mut inputs = paths(
             &self.input,
-            [&self.track, &self.into_track, &self.into_matte],
+            [
+                &self.track,
+                &self.regions,
+                &self.into_track,
+                &self.into_matte,
+            ],
         );
         let others = [&self.plate, &self.matte, &self.into];
         inputs.extend(others.map(PathBuf::as_path));
@@ -181,6 +190,7 @@ impl ShotEdit for Paste {
             output: &self.output,
             plate: &self.plate,
             track: self.track.as_deref(),
+            regions: self.regions.as_deref(),
             matte: &self.matte,
             params: &self.params.shot,
             encoding: &self.params.encoding,

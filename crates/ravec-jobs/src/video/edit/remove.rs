@@ -32,6 +32,10 @@ pub struct Remove {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
+    /// Planes of a plate of several, as ravec plate --regions writes them: gray values are numbers of planes of the track
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
+    #[serde(default)]
+    pub regions: Option<PathBuf>,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -81,7 +85,7 @@ impl Operation for Remove {
     const NAME: &'static str = "video remove";
 
     fn inputs(&self) -> Vec<&Path> {
-        let mut inputs = paths(&self.input, [&self.track]);
+        let mut inputs = paths(&self.input, [&self.track, &self.regions]);
         inputs.extend([self.plate.as_path(), self.matte.as_path()]);
         inputs
     }
@@ -121,6 +125,7 @@ impl ShotEdit for Remove {
             output: &self.output,
             plate: &self.plate,
             track: self.track.as_deref(),
+            regions: self.regions.as_deref(),
             matte: &self.matte,
             params: &self.params.shot,
             encoding: &self.params.encoding,

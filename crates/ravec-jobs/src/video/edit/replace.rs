@@ -39,6 +39,10 @@ pub struct Replace {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
+    /// Planes of a plate of several, as ravec plate --regions writes them: gray values are numbers of planes of the track
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
+    #[serde(default)]
+    pub regions: Option<PathBuf>,
     /// Parameters.
     #[cfg_attr(feature = "cli", command(flatten))]
     #[serde(default)]
@@ -90,7 +94,7 @@ impl Operation for Replace {
     const NAME: &'static str = "video replace";
 
     fn inputs(&self) -> Vec<&Path> {
-        let mut inputs = paths(&self.input, [&self.track]);
+        let mut inputs = paths(&self.input, [&self.track, &self.regions]);
         let others = [&self.plate, &self.matte, &self.image];
         inputs.extend(others.map(PathBuf::as_path));
         inputs
@@ -132,6 +136,7 @@ impl ShotEdit for Replace {
             output: &self.output,
             plate: &self.plate,
             track: self.track.as_deref(),
+            regions: self.regions.as_deref(),
             matte: &self.matte,
             params: &self.params.shot,
             encoding: &self.params.encoding,
