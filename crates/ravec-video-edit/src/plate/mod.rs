@@ -91,6 +91,10 @@ pub struct Plate {
     /// Standard deviation of the samples that agree, in units of color: noise, and more where the map to the frames is wrong. 0 where
     /// nothing was seen.
     pub spread: Plane,
+    /// Share of the samples of a pixel that agree with its color.
+    pub agreement: Plane,
+    /// Number of frames that show a pixel.
+    pub samples: Plane,
 }
 
 /// Geometry of a plate: that of the reference frame, with `pad_px` pixels more on each side.
@@ -491,13 +495,17 @@ impl PlateModes {
                 .applied(color)
                 .map(|value| value.clamp(0.0, 1.0))
         });
-        let certainty = Plane::from_fn(size, |col, row| {
+        let agreement = Plane::from_fn(size, |col, row| {
             let (count, weight) = (self.samples[(col, row)], self.sums[(col, row)][3]);
             if seen(col, row) && count > 0.0 {
-                (weight / count).min(1.0) * weight / (weight + 1.0)
+                (weight / count).min(1.0)
             } else {
                 0.0
             }
+        });
+        let certainty = Plane::from_fn(size, |col, row| {
+            let weight = self.sums[(col, row)][3];
+            agreement[(col, row)] * weight / (weight + 1.0)
         });
         let spread = Plane::from_fn(size, |col, row| {
             let weight = self.sums[(col, row)][3];
@@ -514,6 +522,8 @@ impl PlateModes {
             seen,
             certainty,
             spread,
+            agreement,
+            samples: self.samples,
         }
     }
 }

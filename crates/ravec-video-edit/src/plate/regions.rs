@@ -1,7 +1,8 @@
 //! A plate of several planes: each pixel belongs to the plane along which the frames agree best.
 //!
 //! Along its own plane the samples of a pixel differ by noise; along another one detail slides, so that they spread or do not agree at
-//! all. A single pixel says little, and a place without detail nothing: costs are averaged over a window first.
+//! all. A single pixel says little, and a place without detail nothing: costs are averaged over a window first. What a single frame
+//! shows along some plane says nothing either, and follows its surroundings.
 
 use super::Plate;
 use crate::{Colors, VideoEditError, same_size};
@@ -15,6 +16,11 @@ const DISAGREEMENT: f32 = 0.25;
 /// Radius of the window as a share of the shorter side, and at least, in pixels.
 const WINDOW_SHARE: f64 = 0.02;
 const MIN_WINDOW_PX: usize = 3;
+/// Radius of the surroundings by that of the window, and their weight, which counts where the window says little.
+const SURROUNDINGS: usize = 8;
+const SURROUNDINGS_WEIGHT: f32 = 0.01;
+/// Evidence of a pixel that some plane does not show: next to none.
+const MIN_EVIDENCE: f32 = 1e-3;
 
 /// The plane of each pixel of plates of one shot, each along another plane, as an index into `plates`.
 ///
@@ -28,11 +34,24 @@ pub fn plate_regions(plates: &[Plate]) -> Result<Image<u8>, VideoEditError> {
     let size = first.colors.size();
     let shorter = size.width().min(size.height());
     let radius = ((WINDOW_SHARE * shorter as f64).round() as usize).max(MIN_WINDOW_PX);
-    let mut costs = Vec::with_capacity(plates.len());
     for plate in plates {
         same_size(plate.colors.size(), size)?;
-        costs.push(averaged(&cost(plate), radius));
     }
+    let evidence = evidence(plates);
+    let spread_out = |plane: &Plane| {
+        let (near, far) = (
+            averaged(plane, radius),
+            averaged(plane, SURROUNDINGS * radius),
+        );
+        Plane::from_fn(size, |col, row| {
+            near[(col, row)] + SURROUNDINGS_WEIGHT * far[(col, row)]
+        })
+    };
+    // the sum of the weights is the same for all planes
+    let costs: Vec<Plane> = plates
+        .iter()
+        .map(|plate| spread_out(&cost(plate, &evidence)))
+        .collect();
     Ok(Image::from_fn(size, |col, row| {
         let of = |index: usize| costs[index][(col, row)];
         let best = (1..costs.len()).fold(
@@ -65,17 +84,28 @@ pub fn joined_plate(plates: &[Plate], regions: &Image<u8>) -> Result<Plate, Vide
         seen: Mask::from_fn(size, |col, row| of(col, row).seen.at(col, row) > 0.0),
         certainty: Plane::from_fn(size, |col, row| of(col, row).certainty[(col, row)]),
         spread: Plane::from_fn(size, |col, row| of(col, row).spread[(col, row)]),
+        agreement: Plane::from_fn(size, |col, row| of(col, row).agreement[(col, row)]),
+        samples: Plane::from_fn(size, |col, row| of(col, row).samples[(col, row)]),
     })
 }
 
-/// How badly the frames agree along the plane of a plate.
-fn cost(plate: &Plate) -> Plane {
+/// How much the pixels say about the planes: the less, the fewer frames show them along one of these.
+fn evidence(plates: &[Plate]) -> Plane {
+    Plane::from_fn(plates[0].colors.size(), |col, row| {
+        let of = |plate: &Plate| 1.0 - 1.0 / plate.samples[(col, row)].max(1.0);
+        plates.iter().map(of).fold(1.0, f32::min).max(MIN_EVIDENCE)
+    })
+}
+
+/// How badly the frames agree along the plane of a plate, by the evidence of each pixel.
+fn cost(plate: &Plate, evidence: &Plane) -> Plane {
     Plane::from_fn(plate.colors.size(), |col, row| {
-        if plate.seen.at(col, row) > 0.0 {
-            plate.spread[(col, row)] + DISAGREEMENT * (1.0 - plate.certainty[(col, row)])
+        let cost = if plate.seen.at(col, row) > 0.0 {
+            plate.spread[(col, row)] + DISAGREEMENT * (1.0 - plate.agreement[(col, row)])
         } else {
             UNSEEN
-        }
+        };
+        evidence[(col, row)] * cost
     })
 }
 
