@@ -346,6 +346,18 @@ impl ShotPlate {
     }
 }
 
+/// Refuses a map of planes without the track that has them.
+pub(crate) fn check_regions(regions: Option<&Path>, track: Option<&Path>) -> Result<(), JobError> {
+    if regions.is_none() || track.is_some() {
+        return Ok(());
+    }
+    Err(JobError::Parameter {
+        field: "regions",
+        value: "given".to_owned(),
+        range: "left out without `track`",
+    })
+}
+
 /// Refuses planes before the first one.
 pub(crate) fn check_plane(plane: usize) -> Result<(), JobError> {
     if plane > 0 {

@@ -25,7 +25,7 @@ pub(crate) struct Draft {
     pub edit: Edit,
     /// The result.
     pub view: View,
-    /// Left and top, columns and rows in the result if it is a part of it.
+    /// Left and top, width and height as shares of the result if it is a part of it.
     pub place: Option<[f64; 4]>,
     /// A sentence about it.
     pub note: String,
@@ -198,11 +198,17 @@ impl Open {
             return;
         }
         self.drafted = Some(wanted);
+        let [width, height] = input.content.size();
+        // what is shown may have another scale than the input
+        let [shown_width, shown_height] = snapshot.size().unwrap_or([width, height]);
+        let across = width as f64 / shown_width.max(1) as f64;
+        let down = height as f64 / shown_height.max(1) as f64;
+        let [left, top, columns, rows] = self.seen;
         let job = DraftJob {
             edit: edit.clone(),
             input,
             painting: self.engine.painting(),
-            seen: self.seen,
+            seen: [across * left, down * top, across * columns, down * rows],
         };
         self.assistant.ask(DRAFT, move |memory, progress| {
             let found = draft(&job, memory, progress)?;

@@ -63,8 +63,8 @@ impl Painting {
         Some((shown.picture().clone(), Some(Arc::new(shown))))
     }
 
-    /// Paints what is new in the strokes of an edit, which a cancellation does not stop; the picture as a screen shows it, or `None` if there is no stroke that can be
-    /// painted here.
+    /// Paints what is new in the strokes of an edit; cancellation stops the painting of all strokes anew only. Gives the picture as a
+    /// screen shows it, or `None` if there is no stroke that can be painted here.
     ///
     /// # Errors
     /// Those of the strokes.

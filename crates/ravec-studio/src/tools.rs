@@ -35,6 +35,7 @@ use crate::view::mesh::{MeshCanvas, ShownMesh};
 use crate::view::timeline::{FrameState, TimelineRow};
 use egui::{Painter, Response, Ui};
 use ravec::progress::Progress;
+use ravec::raster::{Rect, Size};
 use serde_json::{Map, Value, json};
 use std::sync::{Arc, Mutex};
 
@@ -171,13 +172,28 @@ pub(crate) struct DraftJob {
 /// A quick result.
 pub(crate) struct DraftView {
     pub shape: Shape,
-    /// Left and top, columns and rows in the whole if it is a part.
+    /// Left and top, width and height as shares of the whole if it is a part.
     pub place: Option<[f64; 4]>,
     /// A sentence about it, for the panel.
     pub note: String,
 }
 
 impl DraftView {
+    /// A quick result of a part of a picture of this size, which shows the same part of the result at any scale.
+    pub fn part(shape: Shape, part: Rect, size: Size) -> Self {
+        let (width, height) = (size.width() as f64, size.height() as f64);
+        let share = |length: usize, whole: f64| length as f64 / whole;
+        Self {
+            place: Some([
+                share(part.col, width),
+                share(part.row, height),
+                share(part.width, width),
+                share(part.height, height),
+            ]),
+            ..Self::whole(shape)
+        }
+    }
+
     /// A quick result of the whole.
     pub fn whole(shape: Shape) -> Self {
         Self {

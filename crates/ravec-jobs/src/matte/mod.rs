@@ -13,7 +13,7 @@ use crate::frame_mark::FrameMark;
 use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
-use crate::shot::{check_pad, check_plane, is_deep};
+use crate::shot::{check_pad, check_plane, check_regions, is_deep};
 use crate::track::follow::Reader;
 use crate::track::rewrite::{Target, rewrite};
 use crate::video::{
@@ -49,7 +49,7 @@ pub struct Matte {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
-    /// Planes of a plate of several, as ravec plate --regions writes them: gray values are numbers of planes of the track
+    /// Map of the planes of a plate, as ravec plate --regions writes it: gray values are numbers of planes of the track
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
     #[serde(default)]
     pub regions: Option<PathBuf>,
@@ -212,6 +212,7 @@ impl Operation for Matte {
         let params = &self.params;
         check_plane(params.plane)?;
         check_pad(params.pad)?;
+        check_regions(self.regions.as_deref(), self.track.as_deref())?;
         if !(0.0..=0.25).contains(&params.matte.snap) {
             return Err(JobError::Parameter {
                 field: "snap",

@@ -9,7 +9,9 @@ use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::plane::Quad;
 use crate::report::Report;
-use crate::shot::{ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep};
+use crate::shot::{
+    ShotTrack, TrackChoice, check_pad, check_plane, check_regions, encoded, is_deep,
+};
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
 use crate::video::{FrameRange, open_clip};
@@ -57,7 +59,7 @@ pub struct Plate {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub certainty: Option<PathBuf>,
-    /// Make the plate of all planes of the track, and write which one each pixel lies on: gray values are their numbers, from 1
+    /// Put all planes of the track on the plate, and write a map of them: gray values are numbers of planes, from 1
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
     #[serde(default)]
     pub regions: Option<PathBuf>,
@@ -84,7 +86,7 @@ With --regions all planes of the track are on the plate, each pixel in the view 
 
 Figures: frames, seen_percent, certainty (mean where something was seen), invented_px; planes with --regions.";
 
-/// Planes of a plate at most.
+/// Maximum number of planes of a plate.
 const MAX_PLANES: usize = 16;
 
 /// Parameters of [`Plate`].
@@ -185,6 +187,7 @@ impl Operation for Plate {
         let mut report = Report::of(self, params);
         check_plane(params.plane)?;
         check_pad(params.pad)?;
+        check_regions(self.regions.as_deref(), self.track.as_deref())?;
         context.check_files(&self.inputs(), &self.outputs())?;
         let clip = open_clip(&self.input, None, &mut report, context)?;
         let (size, total) = (clip.info().size, clip.info().frames);

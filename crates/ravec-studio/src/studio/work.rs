@@ -228,7 +228,13 @@ fn pictures(open: &Open, scene: &Scene<'_>) -> Pictures {
     {
         match draft.place {
             None => pictures.shown = Some(picture.clone()),
-            Some(place) => pictures.patch = Some((picture.clone(), place)),
+            Some([left, top, width, height]) => {
+                // the picture below may have another scale than the result to come
+                let below = pictures.shown.as_ref().map_or([0, 0], |shown| shown.size());
+                let [columns, rows] = below.map(|side| side as f64);
+                let place = [columns * left, rows * top, columns * width, rows * height];
+                pictures.patch = Some((picture.clone(), place));
+            }
         }
     }
     pictures

@@ -392,11 +392,8 @@ fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<Dra
             retouch.picture_in(image, part).map(AnyImage::from)
         });
         let shown = Shown::new(Arc::new(picture.with_pixels(pixels.ok_or("no area")?)));
-        let place = [part.col, part.row, part.width, part.height].map(|side| side as f64);
-        Ok(DraftView {
-            place: Some(place),
-            ..DraftView::whole(View::Picture(Arc::new(shown)))
-        })
+        let size = picture.image.size();
+        Ok(DraftView::part(View::Picture(Arc::new(shown)), part, size))
     };
     with_retouch(&job.input, &job.edit, memory, progress, area).ok()
 }

@@ -76,21 +76,10 @@ pub(super) fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) ->
     let cut = with_image!(&picture.image, image => image.crop(part.col, part.row, cut).map(AnyImage::from));
     let input = Content::Picture(Arc::new(picture.with_pixels(cut.ok()?)));
     let (output, _) = run_in_memory(&job.edit, &input, progress).ok()?;
-    // an operation may change the scale
-    let scale = [0, 1].map(|k| output.size()[k] as f64 / input.size()[k] as f64);
-    let place = [
-        scale[0] * part.col as f64,
-        scale[1] * part.row as f64,
-        output.size()[0] as f64,
-        output.size()[1] as f64,
-    ];
     let shown = Arc::new(Shown::new(output.picture()?.clone()));
     let share = start.elapsed().div_duration_f64(DRAFT_TIME);
     *affordable = (part.pixels() as f64 / share.max(1e-6)).clamp(MIN_DRAFT_PX, MAX_DRAFT_PX);
-    Some(DraftView {
-        place: Some(place),
-        ..DraftView::whole(View::Picture(shown))
-    })
+    Some(DraftView::part(View::Picture(shown), part, size))
 }
 
 /// Text that changes with the method of an edit, whose cost a pixel is about the same: the operation, and what is no number.
@@ -123,6 +112,45 @@ pub(super) fn seen_part(seen: [f64; 4], [width, height]: [usize; 2], max_px: f64
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::EditInput;
+    use ravec::raster::{Image, Size, Srgb};
+    use ravec_media::Picture;
+    use serde_json::json;
+
+    #[test]
+    fn a_draft_that_is_enlarged_shows_the_part_that_was_seen() {
+        let image = Image::from_fn(Size::new(256, 128).unwrap(), |col, row| {
+            Srgb([col as u8, row as u8, 80])
+        });
+        let content = Content::Picture(Arc::new(Picture::from_image(AnyImage::from(image))));
+        let fields = super::super::with_params(json!({"mode": "smooth", "scale": 2}));
+        let job = DraftJob {
+            edit: Edit {
+                id: 1,
+                operation: "brush".to_owned(),
+                fields: fields
+                    .into_iter()
+                    .chain([("everywhere".to_owned(), true.into())])
+                    .collect(),
+                more_sizes: Vec::new(),
+                enabled: true,
+            },
+            input: EditInput {
+                key: "photo".into(),
+                content,
+            },
+            painting: Arc::default(),
+            seen: [128.0, 0.0, 128.0, 64.0],
+        };
+        let found = draft(&job, &mut Memory::default(), &Progress::none()).unwrap();
+        assert_eq!(found.place, Some([0.5, 0.0, 0.5, 0.5]));
+        let View::Picture(shown) = found.shape else {
+            panic!("a picture becomes a picture");
+        };
+        assert_eq!(shown.size(), [256, 128]);
+        // the colors of the right half
+        assert!(shown.pixel(100, 60).unwrap()[0].abs_diff(178) < 4);
+    }
 
     #[test]
     fn a_draft_covers_what_is_seen_within_its_limit() {

@@ -226,7 +226,7 @@ impl PlateSamples {
         })
     }
 
-    /// Keeps as many samples only that those of `plates` plates, which are made at once, fit into memory.
+    /// Limits the samples so that `plates` plates, which are made at once, share the memory of one.
     #[must_use]
     pub fn sharing_memory(mut self, plates: usize) -> Self {
         self.max_layers = (self.max_layers / plates.max(1)).max(MIN_LAYERS);

@@ -22,7 +22,8 @@ const SURROUNDINGS_WEIGHT: f32 = 0.01;
 /// Evidence of a pixel that some plane does not show: next to none.
 const MIN_EVIDENCE: f32 = 1e-3;
 
-/// The plane of each pixel of plates of one shot, each along another plane, as an index into `plates`.
+/// The plane of each pixel of plates of one shot, each along another plane, as an index into `plates`; those after the first 256 are
+/// not used.
 ///
 /// Where planes meet, both fit, and the border may lie a few pixels beside the true one; so may it in places without detail. Of planes
 /// that fit equally well the first one is taken.
@@ -37,6 +38,7 @@ pub fn plate_regions(plates: &[Plate]) -> Result<Image<u8>, VideoEditError> {
     for plate in plates {
         same_size(plate.colors.size(), size)?;
     }
+    let plates = &plates[..plates.len().min(256)];
     let evidence = evidence(plates);
     let spread_out = |plane: &Plane| {
         let (near, far) = (

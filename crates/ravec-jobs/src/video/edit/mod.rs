@@ -18,7 +18,8 @@ use crate::matte::FrameMattes;
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::shot::{
-    RegionFiles, ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, encoded, is_deep,
+    RegionFiles, ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, check_regions, encoded,
+    is_deep,
 };
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
@@ -369,6 +370,7 @@ impl OpenEdit {
     ) -> Result<Self, JobError> {
         check_plane(inputs.params.plane)?;
         check_pad(inputs.params.pad)?;
+        check_regions(inputs.regions, inputs.track)?;
         let output = folder_or_clip(inputs.output, &operation.inputs(), context)?;
         context.check_files(&operation.inputs(), &[&output])?;
         let clip = open_clip(inputs.input, None, report, context)?;

@@ -32,7 +32,7 @@ pub struct Remove {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
-    /// Planes of a plate of several, as ravec plate --regions writes them: gray values are numbers of planes of the track
+    /// Map of the planes of a plate, as ravec plate --regions writes it: gray values are numbers of planes of the track
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE", requires = "track"))]
     #[serde(default)]
     pub regions: Option<PathBuf>,

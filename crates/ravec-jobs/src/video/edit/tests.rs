@@ -805,4 +805,14 @@ fn planes_that_a_track_lacks_are_refused() {
     two.shot
         .save("regions.png", picture(self::size(), |_, _| [1.0; 3]));
     assert!(matches!(refused(&removal), JobError::SizesDiffer { .. }));
+    let untracked = Remove {
+        track: None,
+        ..removal
+    };
+    assert!(refused(&untracked).to_string().contains("regions"));
+    let untracked = crate::plate::Plate {
+        track: None,
+        ..two.plate()
+    };
+    assert!(refused(&untracked).to_string().contains("regions"));
 }
