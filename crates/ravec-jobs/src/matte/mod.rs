@@ -187,9 +187,14 @@ impl Operation for Matte {
     const NAME: &'static str = "matte";
 
     fn inputs(&self) -> Vec<&Path> {
-        let shot = [&self.plate, &self.track, &self.regions];
-        let marks = [&self.trimap, &self.strokes];
-        paths(&self.input, shot.into_iter().chain(marks))
+        let optional = [
+            &self.plate,
+            &self.trimap,
+            &self.track,
+            &self.strokes,
+            &self.regions,
+        ];
+        paths(&self.input, optional)
     }
 
     fn outputs(&self) -> Vec<&Path> {
