@@ -123,7 +123,7 @@ mod tests {
             Srgb([col as u8, row as u8, 80])
         });
         let content = Content::Picture(Arc::new(Picture::from_image(AnyImage::from(image))));
-        let fields = super::super::with_params(json!({"mode": "smooth", "scale": 2}));
+        let fields = super::super::with_params(json!({"mode": "antialias", "scale": 2}));
         let job = DraftJob {
             edit: Edit {
                 id: 1,
