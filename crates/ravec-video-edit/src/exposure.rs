@@ -73,6 +73,12 @@ impl Exposure {
         exposure
     }
 
+    /// Robust standard deviation of the residuals, the mean of the channels.
+    pub(crate) fn deviation(&self, pairs: &[Pair]) -> f32 {
+        let pairs: Vec<&Pair> = pairs.iter().collect();
+        self.scales(&pairs).iter().sum::<f32>() / 3.0
+    }
+
     fn residual(&self, pair: &Pair, channel: usize) -> f32 {
         pair.frame[channel] - self.gain[channel] * pair.plate[channel] - self.offset[channel]
     }

@@ -244,15 +244,12 @@ impl Operation for Plate {
         let planes = tracks.len().max(1);
         let samples = PlateSamples::new(size, params.pad, total)?.sharing_memory(planes);
         let mut samples = vec![samples; planes];
-        pass.run("samples", context, |plane, frame| {
-            Ok(samples[plane].add(frame)?)
+        pass.run("samples", context, |frames| {
+            Ok(PlateSamples::add_planes(&mut samples, frames)?)
         })?;
-        let modes = samples
-            .into_iter()
-            .map(|samples| samples.modes(&context.progress));
-        let mut modes: Vec<_> = modes.collect::<Result<_, _>>()?;
-        pass.run("average", context, |plane, frame| {
-            Ok(modes[plane].add(frame)?)
+        let mut modes = PlateSamples::modes_of_planes(samples, &context.progress)?;
+        pass.run("average", context, |frames| {
+            Ok(PlateModes::add_planes(&mut modes, frames)?)
         })?;
         pass.reader.warn(&mut report);
         let mut plates: Vec<BackgroundPlate> = modes.into_iter().map(PlateModes::plate).collect();
@@ -291,12 +288,12 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    /// Calls `take` with each plane and each frame in which it is found. The next frame is read meanwhile.
+    /// Calls `take` with each frame in which some plane is found, along all planes. The next frame is read meanwhile.
     fn run(
         &mut self,
         name: &'static str,
         context: &Context,
-        mut take: impl FnMut(usize, &ShotFrame<'_>) -> Result<(), JobError> + Send,
+        mut take: impl FnMut(&[Option<ShotFrame<'_>>]) -> Result<(), JobError> + Send,
     ) -> Result<(), JobError> {
         self.reader.seek(self.reader.first())?;
         self.frames = 0;
@@ -313,7 +310,7 @@ impl Passes<'_> {
                         .map(|plane| map_of(tracks.get(plane), &shot))
                         .collect();
                     if maps.iter().all(Option::is_none) {
-                        return Ok::<(), JobError>(());
+                        return Ok(());
                     }
                     let colors = encoded(&shot.image);
                     let strokes =
@@ -327,24 +324,18 @@ impl Passes<'_> {
                     };
                     let foreground = marked(Constraint::Foreground);
                     let background = marked(Constraint::Background);
-                    for (plane, map) in maps.into_iter().enumerate() {
-                        let Some(map) = map else {
-                            continue;
-                        };
+                    let frames = maps.into_iter().enumerate().map(|(plane, map)| {
                         let reference = tracks.get(plane).map_or(0, ShotTrack::reference);
-                        take(
-                            plane,
-                            &ShotFrame {
-                                colors: &colors,
-                                frame_from_reference: map,
-                                foreground: shot.exclude.as_ref(),
-                                strokes: foreground.as_ref(),
-                                background: background.as_ref(),
-                                is_reference: reference == shot.index,
-                            },
-                        )?;
-                    }
-                    Ok(())
+                        Some(ShotFrame {
+                            colors: &colors,
+                            frame_from_reference: map?,
+                            foreground: shot.exclude.as_ref(),
+                            strokes: foreground.as_ref(),
+                            background: background.as_ref(),
+                            is_reference: reference == shot.index,
+                        })
+                    });
+                    take(&frames.collect::<Vec<_>>())
                 },
             );
             taken?;

@@ -148,11 +148,37 @@ impl Geometry {
 /// Colors of a frame on the plate, and 1 where there are some.
 type Stabilized = Image<[f32; 4]>;
 
-/// Exposure of a frame on the plate against colors that are known at the pixels where `known` allows.
-fn exposure_of(
+/// A frame on the plate of one of several planes.
+struct OnPlane<'a> {
+    /// Index of the plane.
+    plane: usize,
+    frame: &'a ShotFrame<'a>,
+    stabilized: Stabilized,
+    /// Colors of the plate and of the frame.
+    pairs: Vec<Pair>,
+}
+
+/// Exposure of a frame that lies on the plates of several planes. It is the same on all; where a plane fills little of the frame,
+/// most of what lies on its plate is of others, so that the plane counts that fits best.
+fn exposure_of(planes: &[OnPlane<'_>]) -> Exposure {
+    if let [on] = planes {
+        return Exposure::fit(&on.pairs);
+    }
+    let most = planes.iter().map(|on| on.pairs.len()).max().unwrap_or(0);
+    let enough = planes.iter().filter(|on| 2 * on.pairs.len() >= most);
+    let fits = enough.map(|on| {
+        let exposure = Exposure::fit(&on.pairs);
+        (exposure.deviation(&on.pairs), exposure)
+    });
+    let best = fits.min_by(|a, b| a.0.total_cmp(&b.0));
+    best.map_or(Exposure::SAME, |(_, exposure)| exposure)
+}
+
+/// Colors of a frame on the plate beside colors that are known there.
+fn pairs_of(
     stabilized: &Stabilized,
     colors: impl Fn(usize, usize) -> Option<[f32; 3]>,
-) -> Exposure {
+) -> Vec<Pair> {
     let step = (stabilized.size().pixels() / MAX_PAIRS).isqrt().max(1);
     let mut pairs = Vec::new();
     for row in (step / 2..stabilized.height()).step_by(step) {
@@ -167,7 +193,7 @@ fn exposure_of(
             }
         }
     }
-    Exposure::fit(&pairs)
+    pairs
 }
 
 /// Label of a pixel of a layer.
@@ -243,14 +269,51 @@ impl PlateSamples {
     /// # Errors
     /// [`VideoEditError::SizesDiffer`].
     pub fn add(&mut self, frame: &ShotFrame<'_>) -> Result<(), VideoEditError> {
-        let marked = frame.foreground.is_some() || frame.background.is_some();
-        let kept = self.frames.is_multiple_of(self.stride) || marked;
-        self.frames += 1;
-        if !kept {
-            return Ok(());
+        Self::add_planes(std::slice::from_mut(self), &[Some(*frame)])
+    }
+
+    /// Takes the next frame of a shot of several planes, whose plates have one exposure: the frame along each plane, or nothing where
+    /// the plane is not found.
+    ///
+    /// # Errors
+    /// [`VideoEditError::SizesDiffer`].
+    pub fn add_planes(
+        planes: &mut [Self],
+        frames: &[Option<ShotFrame<'_>>],
+    ) -> Result<(), VideoEditError> {
+        let mut on_planes = Vec::new();
+        for (plane, (samples, frame)) in planes.iter_mut().zip(frames).enumerate() {
+            let Some(frame) = frame else {
+                continue;
+            };
+            let marked = frame.foreground.is_some() || frame.background.is_some();
+            let kept = samples.frames.is_multiple_of(samples.stride) || marked;
+            samples.frames += 1;
+            if kept {
+                let stabilized = samples.geometry.stabilized(frame)?;
+                let pairs = pairs_of(&stabilized, |col, row| samples.anchor(col, row));
+                on_planes.push(OnPlane {
+                    plane,
+                    frame,
+                    stabilized,
+                    pairs,
+                });
+            }
         }
-        let stabilized = self.geometry.stabilized(frame)?;
-        let exposure = exposure_of(&stabilized, |col, row| self.anchor(col, row));
+        let exposure = exposure_of(&on_planes);
+        for on in on_planes {
+            planes[on.plane].take(on.frame, &on.stabilized, &exposure)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps a frame that lies on the plate.
+    fn take(
+        &mut self,
+        frame: &ShotFrame<'_>,
+        stabilized: &Stabilized,
+        exposure: &Exposure,
+    ) -> Result<(), VideoEditError> {
         let mut layer = Layer::new(self.geometry.plate, [0; 4]);
         layer
             .par_rows_mut()
@@ -342,7 +405,32 @@ impl PlateSamples {
         if self.layers.is_empty() {
             return Err(VideoEditError::NoFrames);
         }
-        let radius = RADIUS_STEPS.hypot(RADIUS_SIGMAS * noise(&self.layers));
+        let noise = noise(&self.layers);
+        self.modes_with(noise, progress)
+    }
+
+    /// Finds the modes along several planes. The noise is that of the plane along which frames differ least.
+    ///
+    /// # Errors
+    /// As [`modes`](Self::modes).
+    pub fn modes_of_planes(
+        planes: Vec<Self>,
+        progress: &Progress,
+    ) -> Result<Vec<PlateModes>, VideoEditError> {
+        if planes.iter().any(|samples| samples.layers.is_empty()) {
+            return Err(VideoEditError::NoFrames);
+        }
+        let noises = planes.iter().map(|samples| noise(&samples.layers));
+        let noise = noises.fold(f32::INFINITY, f32::min);
+        let modes = planes.into_iter();
+        modes
+            .map(|samples| samples.modes_with(noise, progress))
+            .collect()
+    }
+
+    /// Finds the modes of frames with this standard deviation of the noise, in steps of 8 bits.
+    fn modes_with(self, noise: f32, progress: &Progress) -> Result<PlateModes, VideoEditError> {
+        let radius = RADIUS_STEPS.hypot(RADIUS_SIGMAS * noise);
         let size = self.geometry.plate;
         let phase = progress.phase("modes", size.height() as u64);
         let mut modes = Image::new(size, [0.0f32; 4]);
@@ -443,11 +531,43 @@ impl PlateModes {
     /// # Errors
     /// [`VideoEditError::SizesDiffer`].
     pub fn add(&mut self, frame: &ShotFrame<'_>) -> Result<(), VideoEditError> {
-        let stabilized = self.geometry.stabilized(frame)?;
-        let exposure = exposure_of(&stabilized, |col, row| {
-            let [r, g, b, known] = self.modes[(col, row)];
-            (known > 0.0).then_some([r, g, b])
-        });
+        Self::add_planes(std::slice::from_mut(self), &[Some(*frame)])
+    }
+
+    /// Takes the next frame of a shot of several planes, as [`PlateSamples::add_planes`] does.
+    ///
+    /// # Errors
+    /// [`VideoEditError::SizesDiffer`].
+    pub fn add_planes(
+        planes: &mut [Self],
+        frames: &[Option<ShotFrame<'_>>],
+    ) -> Result<(), VideoEditError> {
+        let mut on_planes = Vec::new();
+        for (plane, (modes, frame)) in planes.iter().zip(frames).enumerate() {
+            let Some(frame) = frame else {
+                continue;
+            };
+            let stabilized = modes.geometry.stabilized(frame)?;
+            let pairs = pairs_of(&stabilized, |col, row| {
+                let [r, g, b, known] = modes.modes[(col, row)];
+                (known > 0.0).then_some([r, g, b])
+            });
+            on_planes.push(OnPlane {
+                plane,
+                frame,
+                stabilized,
+                pairs,
+            });
+        }
+        let exposure = exposure_of(&on_planes);
+        for on in on_planes {
+            planes[on.plane].take(on.frame, &on.stabilized, exposure);
+        }
+        Ok(())
+    }
+
+    /// Adds a frame that lies on the plate.
+    fn take(&mut self, frame: &ShotFrame<'_>, stabilized: &Stabilized, exposure: Exposure) {
         if frame.is_reference {
             self.reference = exposure;
         }
@@ -476,7 +596,6 @@ impl PlateModes {
                     *samples += 1.0;
                 }
             });
-        Ok(())
     }
 
     /// The plate.

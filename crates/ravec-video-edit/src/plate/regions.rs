@@ -25,8 +25,8 @@ const MIN_EVIDENCE: f32 = 1e-3;
 /// The plane of each pixel of plates of one shot, each along another plane, as an index into `plates`; those after the first 256 are
 /// not used.
 ///
-/// Where planes meet, both fit, and the border may lie a few pixels beside the true one; so may it in places without detail. Of planes
-/// that fit equally well the first one is taken.
+/// Does not guarantee exact borders: where planes meet, and in places without detail, they may lie some pixels beside the true ones.
+/// Ties go to the first plane.
 ///
 /// # Errors
 /// [`VideoEditError::NoFrames`] without a plate, [`VideoEditError::SizesDiffer`].
@@ -91,7 +91,7 @@ pub fn joined_plate(plates: &[Plate], regions: &Image<u8>) -> Result<Plate, Vide
     })
 }
 
-/// How much the pixels say about the planes: the less, the fewer frames show them along one of these.
+/// Evidence of each pixel about the planes, 0 to 1: it grows with the number of frames that show the pixel along every plane.
 fn evidence(plates: &[Plate]) -> Plane {
     Plane::from_fn(plates[0].colors.size(), |col, row| {
         let of = |plate: &Plate| 1.0 - 1.0 / plate.samples[(col, row)].max(1.0);
@@ -99,7 +99,7 @@ fn evidence(plates: &[Plate]) -> Plane {
     })
 }
 
-/// How badly the frames agree along the plane of a plate, by the evidence of each pixel.
+/// Data cost of assigning each pixel to the plane of a plate, weighted by its evidence.
 fn cost(plate: &Plate, evidence: &Plane) -> Plane {
     Plane::from_fn(plate.colors.size(), |col, row| {
         let cost = if plate.seen.at(col, row) > 0.0 {
@@ -146,7 +146,7 @@ fn averaged(plane: &Plane, radius: usize) -> Plane {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{PlateSamples, ShotFrame};
+    use crate::{PlateModes, PlateSamples, ShotFrame};
     use glam::DVec2;
     use ravec_planar::Homography;
     use ravec_progress::Progress;
@@ -159,53 +159,66 @@ mod tests {
         [0.5 + wave, 0.45 - wave, 0.5 + 0.5 * wave].map(|value| value as f32)
     }
 
-    /// A wall above and a floor below, which slide at two speeds.
+    /// Row at which the floor begins: it fills a fifth of the frame.
+    const FLOOR: usize = 72;
+
+    /// A wall above and a floor below, which slide at two speeds, while the light changes.
     fn frame(index: usize) -> Colors {
         Image::from_fn(Size::new(SIZE.0, SIZE.1).unwrap(), |col, row| {
-            let speed = if row < SIZE.1 / 2 { 0.5 } else { 1.5 };
-            texture(col as f64 + speed * index as f64, row as f64)
+            let speed = if row < FLOOR { 0.5 } else { 1.5 };
+            let color = texture(col as f64 + speed * index as f64, row as f64);
+            color.map(|value| value * (1.0 - 0.012 * index as f32))
         })
     }
 
-    fn plate(speed: f64) -> Plate {
-        let map = |index: usize| {
+    /// Plates along planes that move at these speeds.
+    fn plates(speeds: &[f64]) -> Vec<Plate> {
+        let map = |speed: f64, index: usize| {
             Homography::from_translation(DVec2::new(-speed * index as f64, 0.0)).unwrap()
         };
         let size = Size::new(SIZE.0, SIZE.1).unwrap();
-        let mut samples = PlateSamples::new(size, 0, Some(12)).unwrap();
-        for index in 0..12 {
-            samples
-                .add(&ShotFrame::new(&frame(index), &map(index)))
-                .unwrap();
-        }
-        let mut modes = samples.modes(&Progress::none()).unwrap();
-        for index in 0..12 {
+        let along = |index: usize, take: &mut dyn FnMut(&[Option<ShotFrame<'_>>])| {
             let colors = frame(index);
-            let map = map(index);
-            let frame = ShotFrame {
-                is_reference: index == 0,
-                ..ShotFrame::new(&colors, &map)
-            };
-            modes.add(&frame).unwrap();
+            let maps: Vec<_> = speeds.iter().map(|&speed| map(speed, index)).collect();
+            let frames = maps.iter().map(|map| {
+                Some(ShotFrame {
+                    is_reference: index == 0,
+                    ..ShotFrame::new(&colors, map)
+                })
+            });
+            take(&frames.collect::<Vec<_>>());
+        };
+        let samples = PlateSamples::new(size, 0, Some(12)).unwrap();
+        let mut samples = vec![samples.sharing_memory(speeds.len()); speeds.len()];
+        for index in 0..12 {
+            along(index, &mut |frames| {
+                PlateSamples::add_planes(&mut samples, frames).unwrap();
+            });
         }
-        modes.plate()
+        let mut modes = PlateSamples::modes_of_planes(samples, &Progress::none()).unwrap();
+        for index in 0..12 {
+            along(index, &mut |frames| {
+                PlateModes::add_planes(&mut modes, frames).unwrap();
+            });
+        }
+        modes.into_iter().map(PlateModes::plate).collect()
     }
 
     #[test]
     fn each_pixel_belongs_to_the_plane_that_it_moves_with() {
-        let plates = [plate(0.5), plate(1.5)];
+        let plates = plates(&[0.5, 1.5]);
         let regions = plate_regions(&plates).unwrap();
         let mut wrong = 0;
         for row in 0..SIZE.1 {
             for col in 0..SIZE.0 - 18 {
-                let truth = u8::from(row >= SIZE.1 / 2);
-                let near = row.abs_diff(SIZE.1 / 2) < 4;
+                let truth = u8::from(row >= FLOOR);
+                let near = row.abs_diff(FLOOR) < 4;
                 wrong += usize::from(regions[(col, row)] != truth && !near);
             }
         }
         assert!(wrong < 30, "{wrong} pixels");
         let joined = joined_plate(&plates, &regions).unwrap();
-        for row in (0..SIZE.1).filter(|row| row.abs_diff(SIZE.1 / 2) > 4) {
+        for row in (0..SIZE.1).filter(|row| row.abs_diff(FLOOR) > 4) {
             for col in 2..SIZE.0 - 20 {
                 let (found, truth) = (joined.colors[(col, row)], texture(col as f64, row as f64));
                 let error = (0..3)
@@ -219,7 +232,7 @@ mod tests {
     #[test]
     fn what_no_plane_has_is_refused() {
         assert_eq!(plate_regions(&[]), Err(VideoEditError::NoFrames));
-        let plates = [plate(0.5)];
+        let plates = plates(&[0.5]);
         let mut regions = plate_regions(&plates).unwrap();
         assert!(regions.pixels().iter().all(|&index| index == 0));
         regions[(3, 4)] = 1;
