@@ -379,6 +379,15 @@ impl Plate {
                 range: "the number of one of its planes",
             });
         }
+        if let Some(map) = &self.regions
+            && Format::from_extension(map) == Some(Format::Jpeg)
+        {
+            return Err(JobError::Parameter {
+                field: "regions",
+                value: map.display().to_string(),
+                range: "a file that keeps exact values, such as .png",
+            });
+        }
         if planes > MAX_PLANES {
             return Err(JobError::TrackFile {
                 path: path.clone(),

@@ -5,7 +5,7 @@ use super::shot::{OpenShot, ShotEdit};
 use super::{EditInput, Failure, Request, lock};
 use crate::content::{Content, Kind, View, Visible};
 use crate::device::edit_context;
-use crate::document::{Edit, EditId, is_result_name, result_name};
+use crate::document::{Document, Edit, EditId, is_result_name, result_name};
 use crate::painting::{Finished, Painting};
 use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
 use ravec::progress::Progress;
@@ -21,8 +21,8 @@ pub(super) struct Evaluated {
     pub visible: Visible,
     pub key: Arc<str>,
     pub before: Option<View>,
-    pub inputs: Arc<HashMap<EditId, EditInput>>,
-    pub reports: Arc<HashMap<EditId, Arc<Report>>>,
+    pub inputs: Arc<Inputs>,
+    pub reports: Arc<Reports>,
     pub frame: Option<u64>,
 }
 
@@ -42,23 +42,7 @@ pub(super) fn evaluate(
         analyses,
     } = request;
     let edits: Vec<&Arc<Edit>> = document.shown_links().collect();
-    // the edits that each result is made by
-    let mut keys = vec![source_key(&document.source, frame.as_ref())];
-    let mut prepared = Vec::new();
-    for edit in &edits {
-        let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
-        let before = &keys[keys.len() - 1];
-        let files = files_key(edit);
-        let shot = frame
-            .as_ref()
-            .and_then(|_| ShotEdit::of(edit, document, analyses));
-        let more = shot.as_ref().map_or("", ShotEdit::key);
-        keys.push(format!(
-            "{before}\n{} {fields}\n{files}\n{more}",
-            edit.operation
-        ));
-        prepared.push(shot);
-    }
+    let Chain { keys, prepared } = Chain::of(request, &edits);
     let known = (0..keys.len())
         .rev()
         .find_map(|k| Some((k, cache.get(&keys[k])?)));
@@ -119,6 +103,72 @@ pub(super) fn evaluate(
         result = Cached::new(content, report.map(Arc::new));
         cache.insert(&keys[done], result.clone());
     }
+    let (inputs, reports) = inputs_and_reports(document, &edits, &keys, cache);
+    let key = &keys[edits.len()];
+    let view = cache.view(key, &result.content, *exposure);
+    let source = cache.get(&keys[0]);
+    Ok(Evaluated {
+        visible: Visible {
+            content: result.content,
+            view,
+        },
+        key: key.as_str().into(),
+        before: source.map(|source| cache.view(&keys[0], &source.content, *exposure)),
+        inputs: Arc::new(inputs),
+        reports: Arc::new(reports),
+        frame: frame.as_ref().map(|frame| frame.number),
+    })
+}
+
+/// The results of a document, one for each edit, before they are computed.
+struct Chain {
+    /// The edits that each result is made by, from the source on.
+    keys: Vec<String>,
+    /// What an edit of a shot needs, for each edit.
+    prepared: Vec<Option<ShotEdit>>,
+}
+
+impl Chain {
+    fn of(request: &Request, edits: &[&Arc<Edit>]) -> Self {
+        let Request {
+            document,
+            frame,
+            analyses,
+            ..
+        } = request;
+        let mut keys = vec![source_key(&document.source, frame.as_ref())];
+        let mut prepared = Vec::new();
+        for edit in edits {
+            let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
+            let before = &keys[keys.len() - 1];
+            let files = files_key(edit);
+            let shot = frame
+                .as_ref()
+                .and_then(|_| ShotEdit::of(edit, document, analyses));
+            let more = shot.as_ref().map_or("", ShotEdit::key);
+            keys.push(format!(
+                "{before}\n{} {fields}\n{files}\n{more}",
+                edit.operation
+            ));
+            prepared.push(shot);
+        }
+        Self { keys, prepared }
+    }
+}
+
+/// Inputs of edits by their numbers.
+type Inputs = HashMap<EditId, EditInput>;
+
+/// Reports of edits by their numbers.
+type Reports = HashMap<EditId, Arc<Report>>;
+
+/// The inputs and the reports of edits whose results are there.
+fn inputs_and_reports(
+    document: &Document,
+    edits: &[&Arc<Edit>],
+    keys: &[String],
+    cache: &mut Cache,
+) -> (Inputs, Reports) {
     let mut inputs = HashMap::new();
     let mut reports = HashMap::new();
     for (k, edit) in edits.iter().enumerate() {
@@ -145,20 +195,7 @@ pub(super) fn evaluate(
             }
         }
     }
-    let key = &keys[edits.len()];
-    let view = cache.view(key, &result.content, *exposure);
-    let source = cache.get(&keys[0]);
-    Ok(Evaluated {
-        visible: Visible {
-            content: result.content,
-            view,
-        },
-        key: key.as_str().into(),
-        before: source.map(|source| cache.view(&keys[0], &source.content, *exposure)),
-        inputs: Arc::new(inputs),
-        reports: Arc::new(reports),
-        frame: frame.as_ref().map(|frame| frame.number),
-    })
+    (inputs, reports)
 }
 
 /// Text that changes with the further files of an edit, such as masks.
