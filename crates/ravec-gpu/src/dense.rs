@@ -40,10 +40,11 @@ struct Params {
     flat: f32,
 }
 
-const PARTS: [&str; 7] = [
+const PARTS: [&str; 8] = [
     include_str!("shaders/exact.wgsl"),
     include_str!("shaders/color.wgsl"),
     include_str!("shaders/source.wgsl"),
+    include_str!("shaders/weights.wgsl"),
     include_str!("shaders/sweep.wgsl"),
     include_str!("shaders/weighted_sweep.wgsl"),
     include_str!("shaders/area.wgsl"),

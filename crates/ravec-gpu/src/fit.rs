@@ -12,6 +12,7 @@
 //! the device lasts or not. Cost: the sweep takes 10 operations a split, and 36 bytes of private memory; the pixels of the
 //! picture are read once.
 
+use crate::coarse_to_fine::{self, COARSE_TO_FINE_SIDES};
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::plane::{MAX_PLANE_PIXELS, Plane, PlaneColor, Planes};
@@ -101,8 +102,9 @@ pub(crate) fn sweep_constants(side: usize) -> String {
 }
 
 /// The shader of the fit.
-const PARTS: [&str; 4] = [
+const PARTS: [&str; 5] = [
     include_str!("shaders/exact.wgsl"),
+    include_str!("shaders/weights.wgsl"),
     include_str!("shaders/sweep.wgsl"),
     include_str!("shaders/weighted_sweep.wgsl"),
     include_str!("shaders/fit.wgsl"),
@@ -110,7 +112,8 @@ const PARTS: [&str; 4] = [
 
 /// The field of `image`: what [`TwoColorField::fit`] gives.
 ///
-/// Blocks of [`FITTED_SIDES`] are fitted exactly on the device; other sides and methods on the CPU. If the device is lost or
+/// Blocks of [`FITTED_SIDES`] are fitted exactly on the device, those of [`COARSE_TO_FINE_SIDES`] coarse to fine; other sides
+/// on the CPU. If the device is lost or
 /// its memory exhausted, the CPU fits the rest, and [`Gpu::take_warnings`] says so.
 ///
 /// # Errors
@@ -121,13 +124,28 @@ pub fn fit<P: GpuPixel>(
     params: &FitParams,
     progress: &Progress,
 ) -> Result<TwoColorField, FitError> {
-    let is_exact = matches!(params.method, FitMethod::Auto | FitMethod::Exact);
-    if !is_exact || !FITTED_SIDES.contains(&params.block_px) || gpu.is_lost() {
+    let side = params.block_px;
+    let is_exact = match params.method {
+        // the CPU fits larger blocks coarse to fine
+        FitMethod::Auto => FITTED_SIDES.contains(&side),
+        FitMethod::Exact => true,
+        FitMethod::CoarseToFine => false,
+    };
+    let sides = if is_exact {
+        &FITTED_SIDES
+    } else {
+        &COARSE_TO_FINE_SIDES
+    };
+    if !sides.contains(&side) || gpu.is_lost() {
         return TwoColorField::fit(image, params, progress);
     }
-    let grid = image.size().cells(params.block_px);
+    let grid = image.size().cells(side);
     let mut blocks = Vec::with_capacity(grid.pixels());
-    let result = fit_bands(gpu, image, params, progress, &mut blocks);
+    let result = if is_exact {
+        fit_bands(gpu, image, params, progress, &mut blocks)
+    } else {
+        coarse_to_fine::fit_bands(gpu, image, params, progress, &mut blocks)
+    };
     match result {
         Ok(()) => {}
         Err(Stopped::Cancelled(cancelled)) => return Err(cancelled.into()),

@@ -18,7 +18,7 @@
 //!
 //! | function | its twin | result |
 //! | --- | --- | --- |
-//! | [`fit()`] | [`TwoColorField::fit`](ravec_twocolor::TwoColorField::fit) | the same bits, blocks of 2, 4, 8 and 16 pixels |
+//! | [`fit()`] | [`TwoColorField::fit`](ravec_twocolor::TwoColorField::fit) | the same bits: exact in blocks of 2, 4, 8 and 16 pixels, coarse to fine in blocks of 8, 16, 32 and 64 |
 //! | [`refine_lines`] | [`TwoColorField::refine_lines`](ravec_twocolor::TwoColorField::refine_lines) | 98 of 100 lines within 0.01 pixels |
 //! | [`render_field`] | [`render_to`](ravec_twocolor::render_to), [`render_mosaic`](ravec_twocolor::render_mosaic) | light within 1e-5 |
 //! | [`operate_on`] | [`operate`](ravec_twocolor::operate) | abstract and smooth: the same bits, within 1e-5 at transparency and borders; sharpen and antialias: light within 1e-4 |
@@ -45,9 +45,10 @@
 //! # Non-guarantees
 //!
 //! - Floats in linear light below 1e-38 may be taken as 0.
-//! - Fits coarse to fine, windows above 17 pixels and blocks of several sizes stay on the CPU, without a warning.
+//! - Blocks of other sides, windows above 17 pixels and blocks of several sizes stay on the CPU, without a warning.
 //! - That the GPU is faster: a small picture takes longer than on the CPU, for the way there and back.
 
+mod coarse_to_fine;
 mod dense;
 mod device;
 mod error;
@@ -61,6 +62,7 @@ mod render;
 mod upload;
 mod work;
 
+pub use coarse_to_fine::COARSE_TO_FINE_SIDES;
 pub use dense::{MAX_WINDOW_PX, operate_on};
 pub use device::{AdapterInfo, DeviceChoice, Gpu, OpenOptions, adapters};
 pub use error::GpuError;

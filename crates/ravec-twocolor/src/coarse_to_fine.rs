@@ -2,9 +2,10 @@
 //!
 //! 1. Halve the block until its side is at most 16 pixels, and fit that exactly, keeping the best split of each of eight
 //!    sectors of angle.
-//! 2. Take the splits whose gain is at least [`START_SHARE`] of the best, at most [`MAX_STARTS`], as *starts*.
-//! 3. At each finer level move both ends of each start's line over a grid of [`GRID`] steps, then climb from the best with
-//!    steps that halve. A line is scored from row (or column) prefix sums: one addition a row.
+//! 2. Take the splits whose gain is at least [`RefinedSplit::START_SHARE`] of the best, at most
+//!    [`RefinedSplit::MAX_STARTS`], as *starts*.
+//! 3. At each finer level move both ends of each start's line over a grid of steps, then climb from the best with steps that
+//!    halve. A line is scored from row (or column) prefix sums: one addition a row.
 //!
 //! Source: dissertation, section 2.2 (hierarchical fit). We differ in keeping several starts: a coarse pixel off, the true
 //! line may lie in another basin, and a single start is up to five times worse on some blocks.
@@ -27,21 +28,99 @@ use ravec_raster::Oklab;
 /// The largest block that is fitted exactly on the way.
 const EXACT_SIDE: usize = 16;
 
-/// A sector's split is followed if it gains this share of the best one's. Less follows more starts for hardly any gain;
-/// at 1 (one start) the 99th percentile of the excess doubles.
-const START_SHARE: f32 = 0.8;
+/// The moves of an end of the line on the grid.
+const GRID: [f32; 3] = [-RefinedSplit::GRID_STEP, 0.0, RefinedSplit::GRID_STEP];
 
-/// The most starts that are followed. Four instead of two lower the 99th percentile of the excess at N = 32 from 1.07 to
-/// 1.06 and cost a fifth more.
-const MAX_STARTS: usize = 2;
+/// The split that the fit coarse to fine has found for a block, on the CPU or on another device.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RefinedSplit {
+    /// Nearly a unit vector. Side 0 is where `n·p < d` from the center of the block, in pixels.
+    pub normal: [f32; 2],
+    /// The offset `d`.
+    pub offset: f32,
+    /// By how much the split lowers the squared error below that of one color.
+    pub gain: f32,
+    /// Squared error of one color.
+    pub energy: f32,
+    /// Mean color of the block in Oklab, weighted by alpha.
+    pub mean: [f32; 3],
+    /// Sum of the differences from the mean over side 0, weighted by alpha.
+    pub sum_0: [f32; 3],
+    /// Sum of the alphas of the block and of side 0.
+    pub weights: [f32; 2],
+    /// Number of pixels inside the image in the block and in side 0.
+    pub insides: [f32; 2],
+}
 
-/// By how much an end of the line is moved, in pixels of the level: the coarse line is up to a coarse pixel, that is two
-/// fine ones, off. Five positions instead of three find hardly better lines and cost twice.
-const GRID: [f32; 3] = [-1.1, 0.0, 1.1];
+impl RefinedSplit {
+    /// A sector's split is followed if it gains this share of the best one's. Less follows more starts for hardly any gain;
+    /// at 1 (one start) the 99th percentile of the excess doubles.
+    pub const START_SHARE: f32 = 0.8;
 
-/// The first step of the climb in pixels, and how often it halves. Below an eighth of a pixel hardly any split changes.
-const CLIMB_STEP: f32 = 0.5;
-const CLIMB_ROUNDS: usize = 3;
+    /// The most starts that are followed. Four instead of two lower the 99th percentile of the excess at N = 32 from 1.07 to
+    /// 1.06 and cost a fifth more.
+    pub const MAX_STARTS: usize = 2;
+
+    /// By how much an end of the line is moved, in pixels of the level: the coarse line is up to a coarse pixel, that is two
+    /// fine ones, off. Five positions instead of three find hardly better lines and cost twice.
+    pub const GRID_STEP: f32 = 1.1;
+
+    /// The first step of the climb in pixels. Below an eighth of a pixel hardly any split changes.
+    pub const CLIMB_STEP: f32 = 0.5;
+
+    /// Rounds of the climb; each halves the step.
+    pub const CLIMB_ROUNDS: usize = 3;
+
+    /// Sums of weights, and of pixels inside the image, below this count as nothing.
+    pub const MIN_SHARED: f32 = 1e-6;
+
+    /// The two-color pixel with this split, or with one color where the gain is below the threshold of
+    /// [`FitParams::flat_contrast`](crate::FitParams::flat_contrast).
+    pub fn pixel(&self, flat_contrast: f32) -> TwoColorPixel {
+        let [weight, weight_0] = self.weights;
+        let [inside, inside_0] = self.insides;
+        let share = |part: f32, whole: f32| {
+            if whole > RefinedSplit::MIN_SHARED {
+                (part / whole).clamp(0.0, 1.0)
+            } else {
+                0.0
+            }
+        };
+        if FlatThreshold(flat_contrast).is_flat(self.gain, inside) {
+            return TwoColorPixel::flat(
+                Oklab(self.mean),
+                share(weight, inside),
+                self.energy.max(0.0) / inside.max(1.0),
+            );
+        }
+        let color = |scale: f32| {
+            Oklab(std::array::from_fn(|c| {
+                self.mean[c] + self.sum_0[c] * scale
+            }))
+        };
+        TwoColorPixel {
+            line: Some(self.line()),
+            colors: [
+                color(share_of(weight_0)),
+                color(-share_of(weight - weight_0)),
+            ],
+            alphas: [
+                share(weight_0, inside_0),
+                share(weight - weight_0, inside - inside_0),
+            ],
+            error: (self.energy - self.gain).max(0.0) / inside,
+        }
+    }
+
+    fn line(&self) -> Line {
+        let normal = DVec2::new(f64::from(self.normal[0]), f64::from(self.normal[1]));
+        let length = normal.length();
+        Line {
+            normal: normal / length,
+            offset_px: f64::from(self.offset) / length,
+        }
+    }
+}
 
 /// Fits the blocks in the lanes of `batch`, whose pixels hold Oklab colors, and hands each to `put(lane, pixel)`.
 #[inline(always)]
@@ -87,26 +166,16 @@ pub(crate) fn fit_opaque<S: Simd>(
             let n = (side * side) as f32;
             (sum, gain) = prefixes.refine(&mut lines, |sum| gain_of(n, sum));
         }
-        let mean = Oklab(std::array::from_fn(|c| mean[c][lane]));
-        let energy = energy[lane];
-        if flat.is_flat(gain, count) {
-            put(
-                lane,
-                TwoColorPixel::flat(mean, 1.0, energy.max(0.0) / count),
-            );
-            continue;
-        }
-        let n_0 = sum[3];
-        let shifted = |scale: f32| Oklab(std::array::from_fn(|c| mean.0[c] + sum[c] * scale));
-        put(
-            lane,
-            TwoColorPixel {
-                line: Some(lines.first().line()),
-                colors: [shifted(1.0 / n_0), shifted(-1.0 / (count - n_0))],
-                alphas: [1.0; 2],
-                error: (energy - gain).max(0.0) / count,
-            },
-        );
+        let [s0, s1, s2, n_0] = sum;
+        let split = lines.first().refined_split(gain, [s0, s1, s2]);
+        let found = RefinedSplit {
+            energy: energy[lane],
+            mean: mean.map(|values| values[lane]),
+            weights: [count, n_0],
+            insides: [count, n_0],
+            ..split
+        };
+        put(lane, found.pixel(flat.0));
     }
 }
 
@@ -128,7 +197,6 @@ pub(crate) fn fit_weighted<S: Simd>(
     let coarse_side = levels.last().map_or(side, |(side, _)| *side);
     let starts = coarsest.best_by_sector(split_table(coarse_side));
 
-    let share = |part: f32, whole: f32| if whole > 1e-6 { part / whole } else { 0.0 };
     let mut prefixes = Prefixes::<8>::default();
     for lane in 0..blocks {
         let (weight, inside, mean_alpha) =
@@ -136,13 +204,14 @@ pub(crate) fn fit_weighted<S: Simd>(
         let gain_of = |scale: f32, sum: &[f32; 8]| {
             let (weight_0, inside_0) = (sum[3], sum[4]);
             let (weight_1, inside_1) = (weight * scale - weight_0, inside * scale - inside_0);
-            let colors = squared_length(sum) * (share(1.0, weight_0) + share(1.0, weight_1));
+            // one side has all pixels: what is left of the sum is rounding
+            if inside_0 <= RefinedSplit::MIN_SHARED || inside_1 <= RefinedSplit::MIN_SHARED {
+                return 0.0;
+            }
+            let colors = squared_length(sum) * (share_of(weight_0) + share_of(weight_1));
             let off_alpha = weight_0 - inside_0 * mean_alpha;
             colors
-                + ALPHA_WEIGHT
-                    * off_alpha
-                    * off_alpha
-                    * (share(1.0, inside_0) + share(1.0, inside_1))
+                + ALPHA_WEIGHT * off_alpha * off_alpha * (share_of(inside_0) + share_of(inside_1))
         };
         let mut lines = start_lines(&starts, coarse_side, lane);
         let mut sum = [0.0; 8];
@@ -158,36 +227,25 @@ pub(crate) fn fit_weighted<S: Simd>(
             let scale = (level_side * level_side) as f32 / (side * side) as f32;
             (sum, gain) = prefixes.refine(&mut lines, |sum| gain_of(scale, sum));
         }
-        let mean = Oklab(std::array::from_fn(|c| sums.mean[c][lane]));
-        let energy = sums.energy[lane];
-        if flat.is_flat(gain, inside) {
-            put(
-                lane,
-                TwoColorPixel::flat(
-                    mean,
-                    share(weight, inside).clamp(0.0, 1.0),
-                    energy.max(0.0) / inside.max(1.0),
-                ),
-            );
-            continue;
-        }
-        let shifted = |scale: f32| Oklab(std::array::from_fn(|c| mean.0[c] + sum[c] * scale));
-        put(
-            lane,
-            TwoColorPixel {
-                line: Some(lines.first().line()),
-                colors: [
-                    shifted(share(1.0, sum[3])),
-                    shifted(-share(1.0, weight - sum[3])),
-                ],
-                alphas: [
-                    share(sum[3], sum[4]),
-                    share(weight - sum[3], inside - sum[4]),
-                ]
-                .map(|a| a.clamp(0.0, 1.0)),
-                error: (energy - gain).max(0.0) / inside,
-            },
-        );
+        let [s0, s1, s2, weight_0, inside_0, ..] = sum;
+        let split = lines.first().refined_split(gain, [s0, s1, s2]);
+        let found = RefinedSplit {
+            energy: sums.energy[lane],
+            mean: sums.mean.map(|values| values[lane]),
+            weights: [weight, weight_0],
+            insides: [inside, inside_0],
+            ..split
+        };
+        put(lane, found.pixel(flat.0));
+    }
+}
+
+/// `1 / whole`, 0 where there is next to nothing.
+fn share_of(whole: f32) -> f32 {
+    if whole > RefinedSplit::MIN_SHARED {
+        1.0 / whole
+    } else {
+        0.0
     }
 }
 
@@ -298,12 +356,14 @@ impl Candidate {
         }
     }
 
-    fn line(&self) -> Line {
-        let normal = DVec2::new(f64::from(self.normal[0]), f64::from(self.normal[1]));
-        let length = normal.length();
-        Line {
-            normal: normal / length,
-            offset_px: f64::from(self.offset) / length,
+    /// This line with the sum of side 0.
+    fn refined_split(&self, gain: f32, sum_0: [f32; 3]) -> RefinedSplit {
+        RefinedSplit {
+            normal: self.normal,
+            offset: self.offset,
+            gain,
+            sum_0,
+            ..RefinedSplit::default()
         }
     }
 
@@ -321,7 +381,7 @@ impl Candidate {
 
 /// The lines being followed, the best first.
 struct Lines {
-    lines: [Candidate; MAX_STARTS],
+    lines: [Candidate; RefinedSplit::MAX_STARTS],
     count: usize,
 }
 
@@ -336,10 +396,10 @@ fn start_lines(starts: &Starts, coarse_side: usize, lane: usize) -> Lines {
     let table = split_table(coarse_side);
     let mut order: [usize; SECTORS] = std::array::from_fn(|sector| sector);
     order.sort_by(|&a, &b| starts.gain[b][lane].total_cmp(&starts.gain[a][lane]));
-    let least = START_SHARE * starts.gain[order[0]][lane];
+    let least = RefinedSplit::START_SHARE * starts.gain[order[0]][lane];
     let count = order
         .iter()
-        .take(MAX_STARTS)
+        .take(RefinedSplit::MAX_STARTS)
         .take_while(|&&sector| starts.gain[sector][lane] >= least)
         .count()
         .max(1);
@@ -439,8 +499,8 @@ impl<const C: usize> Prefixes<C> {
                     self.try_line(start.moved(a, b, side), &mut best, &gain_of);
                 }
             }
-            let mut step = CLIMB_STEP;
-            for _ in 0..CLIMB_ROUNDS {
+            let mut step = RefinedSplit::CLIMB_STEP;
+            for _ in 0..RefinedSplit::CLIMB_ROUNDS {
                 let from = best;
                 for (a, b) in [
                     (-1, -1),

@@ -75,6 +75,7 @@ pub mod volume;
 
 pub use adaptive::{AdaptiveField, AdaptiveParams, Leaf};
 pub use clean::{CleanParams, NoiseLevel, clean, clean_with, estimate_noise};
+pub use coarse_to_fine::RefinedSplit;
 pub use dense::{CenteredWindow, WindowParams, map_windows};
 pub use enlarge::{EnlargeError, enlarge};
 pub use field::{FitError, FitMethod, FitParams, TwoColorField};

@@ -6,7 +6,7 @@
 
 use crate::fit::{FlatThreshold, opaque_pixel, weighted_pixel};
 use crate::pixel::{MAX_LIGHT, TwoColorPixel};
-use crate::split_table::{SplitTable, split_table};
+use crate::split_table::{SECTORS, SplitTable, split_table};
 
 /// What the sweep over the splits of one block has found.
 ///
@@ -77,6 +77,17 @@ impl SweepTable {
     /// By prefix `k`, the factor `1/k + 1/(N² − k)` that makes a gain of a squared sum; 0 where a side is empty.
     pub fn gain_weights(&self) -> &'static [f32] {
         &self.0.gain_weights
+    }
+
+    /// The number of the first event of each sector of angles, and of the end of the last one. The fit coarse to fine starts
+    /// from the best events of two sectors.
+    pub fn sectors(self) -> impl ExactSizeIterator<Item = u32> + use<> {
+        let sectors = &self.0.sectors;
+        (0..SECTORS + 1).map(move |k| {
+            sectors
+                .get(k)
+                .map_or(self.0.events.len(), |range| range.start) as u32
+        })
     }
 
     /// By event, a line `[n.x, n.y, d]` with that split. Side 0 is where `n·p < d`, from the block's center.

@@ -73,3 +73,33 @@ fn squared_length(v: vec3<f32>) -> f32 {
 fn weighted_sum(a: vec3<f32>, b: vec3<f32>) -> f32 {
     return rounded(a.x * b.x) + rounded(a.y * b.y) + rounded(a.z * b.z);
 }
+
+fn scaled(v: vec3<f32>, factor: f32) -> vec3<f32> {
+    return vec3(rounded(v.x * factor), rounded(v.y * factor), rounded(v.z * factor));
+}
+
+// The square root, correctly rounded, of a normal number.
+fn square_root(x: f32) -> f32 {
+    let bits = bitcast<u32>(x);
+    let power = i32(bits >> 23u) - 127;
+    let mantissa = (bits & 0x7fffffu) | 0x800000u;
+    let odd = u32(power & 1);
+    let exponent = (power - i32(odd)) / 2 + 127;
+    // the square of the result's mantissa is mantissa · 2^23 or 2^24, of which the lowest 32 bits are enough
+    let square = mantissa << (23u + odd);
+    let estimate = bitcast<u32>(sqrt(x));
+    let found = (estimate & 0x7fffffu) | 0x800000u;
+    let off = i32(estimate >> 23u) - exponent;
+    var root = select(select(found, found << 1u, off > 0), found >> 1u, off < 0);
+    var remainder = i32(square - root * root);
+    for (var round = 0u; round < 4u; round++) {
+        if (remainder > i32(root)) {
+            remainder -= 2 * i32(root) + 1;
+            root += 1u;
+        } else if (remainder <= -i32(root)) {
+            remainder += 2 * i32(root) - 1;
+            root -= 1u;
+        }
+    }
+    return bitcast<f32>((u32(exponent) << 23u) + (root - 0x800000u));
+}

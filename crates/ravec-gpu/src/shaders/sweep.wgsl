@@ -18,8 +18,6 @@ const PIXELS: u32 = SIDE * SIDE;
 const HALF: f32 = 0.5 * (f32(SIDE) - 1.0);
 
 var<private> prefixes: array<vec3<f32>, PIXELS + 1u>;
-// what is taken off each pixel, one after the other
-var<private> steps: array<vec3<f32>, 2>;
 
 struct Found {
     event: u32,
@@ -31,17 +29,18 @@ struct Found {
     insides: vec2<f32>,
 }
 
-fn scaled(v: vec3<f32>, factor: f32) -> vec3<f32> {
-    return vec3(rounded(v.x * factor), rounded(v.y * factor), rounded(v.z * factor));
+// The first of the splits that gain most.
+struct Best {
+    event: u32,
+    gain: f32,
 }
 
 fn centered_pixel(i: u32) -> vec3<f32> {
     return raw_pixel(i).xyz - steps[0] - steps[1];
 }
 
-// The best split of an opaque block.
-fn best_split() -> Found {
-    var found: Found;
+// Finds the mean of an opaque block and returns the energy that is left without it.
+fn center() -> f32 {
     let inverse_count = 1.0 / f32(PIXELS);
     steps[0] = vec3(0.0);
     steps[1] = vec3(0.0);
@@ -52,31 +51,46 @@ fn best_split() -> Found {
         }
         steps[round] = scaled(total, inverse_count);
     }
-    found.mean = steps[0] + steps[1];
-    found.energy = 0.0;
+    var energy = 0.0;
     for (var i = 0u; i < params.pixels; i++) {
-        found.energy += squared_length(centered_pixel(i));
+        energy += squared_length(centered_pixel(i));
     }
+    return energy;
+}
 
+// Fills the prefixes of the initial order.
+fn begin_sweep() {
     var sum = vec3(0.0);
     prefixes[0] = sum;
     for (var k = 0u; k < params.pixels; k++) {
         sum += centered_pixel(order[k]);
         prefixes[k + 1u] = sum;
     }
-    var best = 0.0;
-    found.event = 0u;
-    for (var number = 0u; number < params.events; number++) {
+}
+
+// Goes on with the events from `first` to before `end`.
+fn sweep(first: u32, end: u32) -> Best {
+    var best = Best(first, 0.0);
+    for (var number = first; number < end; number++) {
         let event = events[number];
         let k = event & 0xffffu;
         let renewed = prefixes[k - 1u] + centered_pixel(event >> 16u);
         prefixes[k] = renewed;
         let gain = squared_length(renewed) * gain_weights[k];
-        if (gain > best) {
-            best = gain;
-            found.event = number;
+        if (gain > best.gain) {
+            best = Best(number, gain);
         }
     }
+    return best;
+}
+
+// The best split of an opaque block.
+fn best_split() -> Found {
+    var found: Found;
+    found.energy = center();
+    found.mean = steps[0] + steps[1];
+    begin_sweep();
+    found.event = sweep(0u, params.events).event;
 
     // afresh: the running sums have drifted
     let normal = vec2(lines[3u * found.event], lines[3u * found.event + 1u]);

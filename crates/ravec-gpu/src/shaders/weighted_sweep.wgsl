@@ -1,19 +1,6 @@
 // The sweep over blocks whose pixels have weights: by transparency, or beyond the border of the image.
-//
-// The kernel gives `inside(i)`, 1 for a pixel inside the image and else 0.
 
 var<private> prefix_covers: array<vec2<f32>, PIXELS + 1u>;
-
-// 1 / weight, 0 where there is none.
-fn inverse(weight: f32) -> f32 {
-    return select(0.0, reciprocal(weight), weight > MIN_WEIGHT);
-}
-
-struct Totals {
-    weight: f32,
-    inside: f32,
-    mean_alpha: f32,
-}
 
 fn weighted_gain(totals: Totals, sum: vec3<f32>, cover: vec2<f32>) -> f32 {
     let both = inverse(cover.x) + inverse(totals.weight - cover.x);
@@ -24,42 +11,8 @@ fn weighted_gain(totals: Totals, sum: vec3<f32>, cover: vec2<f32>) -> f32 {
     return colors + alphas;
 }
 
-// Color times weight without that of the mean, and the weight.
-fn centered_weighted_pixel(i: u32) -> vec4<f32> {
-    let raw = raw_pixel(i);
-    return vec4(raw.xyz - scaled(steps[0], raw.w) - scaled(steps[1], raw.w), raw.w);
-}
-
-// The best split of a block with weights.
-fn best_weighted_split() -> Found {
-    var found: Found;
-    var totals: Totals;
-    totals.weight = 0.0;
-    totals.inside = 0.0;
-    for (var i = 0u; i < params.pixels; i++) {
-        totals.weight += raw_pixel(i).w;
-        totals.inside += inside(i);
-    }
-    let inverse_weight = inverse(totals.weight);
-    totals.mean_alpha = rounded(totals.weight * inverse(totals.inside));
-    steps[0] = vec3(0.0);
-    steps[1] = vec3(0.0);
-    for (var round = 0u; round < 2u; round++) {
-        var total = vec3(0.0);
-        for (var i = 0u; i < params.pixels; i++) {
-            total += centered_weighted_pixel(i).xyz;
-        }
-        steps[round] = scaled(total, inverse_weight);
-    }
-    found.mean = steps[0] + steps[1];
-    found.energy = 0.0;
-    for (var i = 0u; i < params.pixels; i++) {
-        let pixel = centered_weighted_pixel(i);
-        let off_alpha = pixel.w - rounded(inside(i) * totals.mean_alpha);
-        let color = rounded(squared_length(pixel.xyz) * inverse(pixel.w));
-        found.energy += color + rounded(off_alpha * off_alpha);
-    }
-
+// Fills the prefixes of the initial order.
+fn begin_weighted_sweep() {
     var sum = vec3(0.0);
     var cover = vec2(0.0);
     prefixes[0] = sum;
@@ -71,9 +24,12 @@ fn best_weighted_split() -> Found {
         prefixes[k + 1u] = sum;
         prefix_covers[k + 1u] = cover;
     }
-    var best = 0.0;
-    found.event = 0u;
-    for (var number = 0u; number < params.events; number++) {
+}
+
+// Goes on with the events from `first` to before `end`.
+fn weighted_sweep(totals: Totals, first: u32, end: u32) -> Best {
+    var best = Best(first, 0.0);
+    for (var number = first; number < end; number++) {
         let event = events[number];
         let k = event & 0xffffu;
         let pixel = centered_weighted_pixel(event >> 16u);
@@ -82,11 +38,21 @@ fn best_weighted_split() -> Found {
         prefixes[k] = renewed;
         prefix_covers[k] = renewed_cover;
         let gain = weighted_gain(totals, renewed, renewed_cover);
-        if (gain > best) {
-            best = gain;
-            found.event = number;
+        if (gain > best.gain) {
+            best = Best(number, gain);
         }
     }
+    return best;
+}
+
+// The best split of a block with weights.
+fn best_weighted_split() -> Found {
+    var found: Found;
+    let totals = center_weighted();
+    found.energy = totals.energy;
+    found.mean = steps[0] + steps[1];
+    begin_weighted_sweep();
+    found.event = weighted_sweep(totals, 0u, params.events).event;
 
     let normal = vec2(lines[3u * found.event], lines[3u * found.event + 1u]);
     let offset = lines[3u * found.event + 2u];

@@ -2,15 +2,22 @@
 
 use crate::gpu;
 use crate::pictures::{glass, scenes};
-use ravec_gpu::{FITTED_SIDES, GpuPixel, fit};
+use ravec_gpu::{COARSE_TO_FINE_SIDES, FITTED_SIDES, GpuPixel, fit};
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgb, LinearRgba, Size, Srgb, Srgba, with_image};
-use ravec_twocolor::{FitParams, TwoColorField};
+use ravec_twocolor::{FitMethod, FitParams, TwoColorField};
 
 fn of_side(block_px: usize) -> FitParams {
     FitParams {
         block_px,
         ..FitParams::default()
+    }
+}
+
+fn coarse_to_fine(block_px: usize) -> FitParams {
+    FitParams {
+        method: FitMethod::CoarseToFine,
+        ..of_side(block_px)
     }
 }
 
@@ -120,6 +127,50 @@ fn flat_pictures_and_other_contrasts() {
 }
 
 #[test]
+fn coarse_to_fine_in_all_scenes() {
+    for (name, image) in scenes(139, 100) {
+        for side in COARSE_TO_FINE_SIDES {
+            with_image!(&image, image => assert_identical(name, image, &coarse_to_fine(side)));
+        }
+    }
+}
+
+#[test]
+fn coarse_to_fine_at_borders_transparency_and_values_that_are_no_numbers() {
+    for (width, height) in [(1, 1), (1, 130), (66, 3), (64, 64), (129, 65), (100, 40)] {
+        let image = glass(width, height);
+        for side in COARSE_TO_FINE_SIDES {
+            assert_identical("glass", &image, &coarse_to_fine(side));
+            let opaque = image.convert::<Srgb<u8>>();
+            assert_identical("opaque", &opaque, &coarse_to_fine(side));
+        }
+    }
+    let mut image = glass(150, 140);
+    image[(30, 20)].0[0] = f32::NAN;
+    image[(90, 100)].0[1] = 2e9;
+    image[(100, 30)].0[3] = f32::INFINITY;
+    for flat_contrast in [0.0, 0.2] {
+        for side in COARSE_TO_FINE_SIDES {
+            let params = FitParams {
+                flat_contrast,
+                ..coarse_to_fine(side)
+            };
+            assert_identical("no numbers", &image, &params);
+        }
+    }
+}
+
+#[test]
+fn large_blocks_are_fitted_coarse_to_fine() {
+    let Some(gpu) = gpu() else { return };
+    let image = glass(256, 192);
+    let auto = fit(gpu, &image, &of_side(32), &Progress::none()).unwrap();
+    let chosen = fit(gpu, &image, &coarse_to_fine(32), &Progress::none()).unwrap();
+    assert!(!gpu.is_lost(), "{:?}", gpu.take_warnings());
+    assert_eq!(auto, chosen);
+}
+
+#[test]
 fn ten_runs_are_equal() {
     let Some(gpu) = gpu() else { return };
     let image = glass(120, 90);
@@ -138,4 +189,5 @@ fn a_picture_of_many_bands_is_fitted_band_by_band() {
         small[(col % 250, row % 200)]
     });
     assert_identical("bands", &image, &of_side(16));
+    assert_identical("bands", &image, &of_side(64));
 }
