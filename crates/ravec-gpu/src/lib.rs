@@ -22,6 +22,7 @@
 //! | [`refine_lines`] | [`TwoColorField::refine_lines`](ravec_twocolor::TwoColorField::refine_lines) | 98 of 100 lines within 0.01 pixels |
 //! | [`render_field`] | [`render_to`](ravec_twocolor::render_to), [`render_mosaic`](ravec_twocolor::render_mosaic) | light within 1e-5 |
 //! | [`operate_on`] | [`operate`](ravec_twocolor::operate) | abstract and smooth: the same bits, within 1e-5 at transparency and borders; sharpen and antialias: light within 1e-4 |
+//! | [`clean()`] | [`clean_with`](ravec_twocolor::clean_with) | the same bits, windows of 4, 8 and 16 pixels |
 //! | [`warp_deformed`] | [`Deformation::warp`](ravec_retarget::Deformation::warp) | light within 1e-3, samples of 8 bit within a step |
 //! | [`warp_homography`] | [`warp`](fn@ravec_planar::warp) | light within 2e-3 |
 //!
@@ -48,6 +49,7 @@
 //! - Blocks of other sides, windows above 17 pixels and blocks of several sizes stay on the CPU, without a warning.
 //! - That the GPU is faster: a small picture takes longer than on the CPU, for the way there and back.
 
+mod clean;
 mod coarse_to_fine;
 mod dense;
 mod device;
@@ -62,6 +64,7 @@ mod render;
 mod upload;
 mod work;
 
+pub use clean::clean;
 pub use coarse_to_fine::COARSE_TO_FINE_SIDES;
 pub use dense::{MAX_WINDOW_PX, operate_on};
 pub use device::{AdapterInfo, DeviceChoice, Gpu, OpenOptions, adapters};

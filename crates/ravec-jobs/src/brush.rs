@@ -15,7 +15,7 @@ use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, Srgb, with_image};
 use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
 use ravec::twocolor::{
-    CleanParams, Mode, OperatorParams, WindowParams, clean_with, enlarge, estimate_noise,
+    CleanParams, Mode, NoiseLevel, OperatorParams, WindowParams, enlarge, estimate_noise,
 };
 use ravec_media::{Picture, WriteOptions};
 use serde::{Deserialize, Serialize};
@@ -535,6 +535,7 @@ fn everywhere(
         noise_sigma: params.noise_sigma,
         seed: params.seed,
     };
+    let is_plain = params.strength == 1.0 && params.iterations == 1;
     if operator.mode == Mode::Clean && operator.noise_sigma.is_none() {
         let noise = report.time(
             "estimate",
@@ -546,21 +547,37 @@ fn everywhere(
         report
             .figures
             .insert("compressed", f64::from(u8::from(noise.is_compressed())));
-        if params.strength == 1.0 && params.iterations == 1 {
-            let clean = CleanParams::default();
-            return report.time("clean", || {
-                Ok(with_image!(image, image => clean_with(image, whole, &noise, &clean, progress))?)
-            });
+        if is_plain {
+            return clean_on_device(image, &noise, report, context);
         }
         operator.noise_sigma = Some(noise.typical());
     } else if let (Mode::Clean, Some(sigma)) = (operator.mode, operator.noise_sigma) {
         report.figures.insert("noise_sigma_steps", f64::from(sigma));
+        if is_plain && (0.0..=255.0).contains(&sigma) {
+            return clean_on_device(image, &NoiseLevel::uniform(sigma), report, context);
+        }
     }
     let operated = report.time("operate", || {
         context.device.operate(image, whole, &operator, progress)
     })?;
     context.device.report_warnings(report);
     Ok(operated)
+}
+
+/// Cleans the whole image once, at full strength.
+fn clean_on_device(
+    image: &AnyImage,
+    noise: &NoiseLevel,
+    report: &mut Report,
+    context: &Context,
+) -> Result<Image<LinearRgba>, JobError> {
+    let params = CleanParams::default();
+    let cleaned = report.time("clean", || {
+        let device = &context.device;
+        device.clean(image, noise, &params, &context.progress)
+    })?;
+    context.device.report_warnings(report);
+    Ok(cleaned)
 }
 
 /// The selection as gray; black where there was no mask stroke.

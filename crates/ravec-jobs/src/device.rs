@@ -10,8 +10,8 @@ use ravec::progress::{Cancelled, Progress};
 use ravec::raster::{AnyImage, Image, LinearRgba, PremulLinearRgba, Rect, Size, with_image};
 use ravec::retarget::{Deformation, RetargetError};
 use ravec::twocolor::{
-    BlockField, FilterError, FitError, FitParams, OperatorParams, TwoColorField, operate,
-    render_mosaic, render_to,
+    BlockField, CleanParams, FilterError, FitError, FitParams, NoiseLevel, OperatorParams,
+    TwoColorField, clean_with, operate, render_mosaic, render_to,
 };
 
 #[cfg(feature = "gpu")]
@@ -169,6 +169,22 @@ impl Device {
             return with_image!(image, image => gpu::operate_on(gpu, image, region, params, progress));
         }
         with_image!(image, image => operate(image, region, params, progress))
+    }
+
+    /// Cleans the whole image.
+    pub(crate) fn clean(
+        &self,
+        image: &AnyImage,
+        noise: &NoiseLevel,
+        params: &CleanParams,
+        progress: &Progress,
+    ) -> Result<Image<LinearRgba>, FilterError> {
+        let whole = Rect::of(image.size());
+        #[cfg(feature = "gpu")]
+        if let Some(gpu) = &self.gpu {
+            return with_image!(image, image => gpu::clean(gpu, image, whole, noise, params, progress));
+        }
+        with_image!(image, image => clean_with(image, whole, noise, params, progress))
     }
 }
 

@@ -74,7 +74,10 @@ mod sweep;
 pub mod volume;
 
 pub use adaptive::{AdaptiveField, AdaptiveParams, Leaf};
-pub use clean::{CleanParams, NoiseLevel, clean, clean_with, estimate_noise};
+pub use clean::{
+    CleanParams, CleanStrip, NoiseLevel, WindowShrinkage, clean, clean_by, clean_with,
+    estimate_noise,
+};
 pub use coarse_to_fine::RefinedSplit;
 pub use dense::{CenteredWindow, WindowParams, map_windows};
 pub use enlarge::{EnlargeError, enlarge};

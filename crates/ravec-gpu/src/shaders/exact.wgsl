@@ -1,7 +1,8 @@
 // Arithmetic that gives the bits of the CPU.
 //
 // Sums, differences and products are rounded correctly on every device, but a compiler may contract `a * b + c` to one
-// operation with one rounding. `rounded` hides a product from it: `params.zero` is 0, which the compiler cannot know.
+// operation with one rounding, and `b` of `a + (b - a)`. `rounded` hides a product or difference from it: `params.zero` is 0,
+// which the compiler cannot know.
 // Quotients may be off by 2.5 units in the last place; `divided` corrects them in integers.
 
 fn rounded(x: f32) -> f32 {

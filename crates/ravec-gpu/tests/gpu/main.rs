@@ -1,6 +1,7 @@
 //! Kernels against their twins on the CPU, on the software driver for Vulkan (Debian's mesa-vulkan-drivers). Without it nothing
 //! is tested, and a line says so.
 
+mod clean;
 mod dense;
 mod fit;
 mod grid_warp;

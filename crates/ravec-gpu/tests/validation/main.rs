@@ -6,14 +6,14 @@ mod pictures;
 
 use glam::dvec2;
 use ravec_gpu::{
-    DeviceChoice, Gpu, GpuError, OpenOptions, RenderStyle, fit, operate_on, refine_lines,
+    DeviceChoice, Gpu, GpuError, OpenOptions, RenderStyle, clean, fit, operate_on, refine_lines,
     render_field, warp_deformed, warp_homography,
 };
 use ravec_planar::{Beyond, Homography};
 use ravec_progress::Progress;
 use ravec_raster::{Image, PremulLinearRgba, Rect, Size, Srgb, Srgba};
 use ravec_retarget::{Painted, RetargetParams, Retargeter};
-use ravec_twocolor::{FitParams, Mode, OperatorParams};
+use ravec_twocolor::{CleanParams, FitParams, Mode, NoiseLevel, OperatorParams};
 use std::sync::Mutex;
 
 /// Messages of drivers and layers.
@@ -69,6 +69,14 @@ fn every_kernel_is_valid() {
 
     let mut field = fit(&gpu, &with_alpha, &FitParams::default(), &none).unwrap();
     refine_lines(&gpu, &mut field, &with_alpha, &none).unwrap();
+    let large = FitParams {
+        block_px: 32,
+        ..FitParams::default()
+    };
+    fit(&gpu, &with_alpha, &large, &none).unwrap();
+    let whole = Rect::of(image.size());
+    let noise = NoiseLevel::uniform(5.0);
+    clean(&gpu, &image, whole, &noise, &CleanParams::default(), &none).unwrap();
     for style in [RenderStyle::TwoColors, RenderStyle::Mosaic] {
         render_field(&gpu, &field, Size::new(90, 50).unwrap(), style, &none).unwrap();
     }
@@ -77,7 +85,7 @@ fn every_kernel_is_valid() {
         window_px: 5,
         ..OperatorParams::default()
     };
-    operate_on(&gpu, &image, Rect::of(image.size()), &operator, &none).unwrap();
+    operate_on(&gpu, &image, whole, &operator, &none).unwrap();
     let retargeter = Retargeter::new(
         &image,
         Painted::default(),

@@ -28,6 +28,8 @@ mod strip;
 mod window;
 
 pub use noise::{NoiseLevel, estimate_noise};
+pub use strip::CleanStrip;
+pub use window::WindowShrinkage;
 
 use crate::filter_error::FilterError;
 use crate::split_table::split_table;
@@ -98,15 +100,22 @@ pub fn clean_with<P: Color>(
     params: &CleanParams,
     progress: &Progress,
 ) -> Result<Image<LinearRgba>, FilterError> {
-    clean_rows(image, region, noise, params, progress)
+    clean_by(image, region, noise, params, progress, |region| {
+        clean_region(image, region, noise, params, progress)
+    })
 }
 
-fn clean_rows(
+/// [`clean_with`] whose steps 1 to 5 another device takes: `clean_region` gets a part of the image and gives its cleaned pixels.
+///
+/// # Errors
+/// As [`clean`], and those of `clean_region`.
+pub fn clean_by(
     image: &dyn LinearRows,
     region: Rect,
     noise: &NoiseLevel,
     params: &CleanParams,
     progress: &Progress,
+    clean_region: impl FnOnce(Rect) -> Result<Image<LinearRgba>, FilterError>,
 ) -> Result<Image<LinearRgba>, FilterError> {
     let (side, stride) = (params.window_px, params.stride_px);
     if !(4..=16).contains(&side) {
@@ -121,11 +130,11 @@ fn clean_rows(
     let region = region.intersection(Rect::of(image.size()));
     region.size().ok_or(FilterError::EmptyRegion)?;
     let Some(compression) = &noise.compression else {
-        return clean_region(image, region, noise, params, progress);
+        return clean_region(region);
     };
     // a block's coefficients need the whole block
     let whole = compression.whole_blocks(region, image.size());
-    let mut cleaned = clean_region(image, whole, noise, params, progress)?;
+    let mut cleaned = clean_region(whole)?;
     compression.bound(image, whole, &mut cleaned, progress)?;
     if whole == region {
         return Ok(cleaned);
@@ -163,7 +172,7 @@ fn clean_region(
                 rows,
             );
             dispatch!(level, simd => {
-                let mut strip = Strip::read(simd, image, target, side, stride);
+                let mut strip = Strip::read(simd, image, CleanStrip::new(target, side, stride));
                 window::clean_windows(simd, &mut strip, table, noise);
                 strip.write(image, out);
             });

@@ -21,7 +21,7 @@ use ravec_raster::{Color, Image, LinearRgba, LinearRows};
 use rayon::prelude::*;
 
 /// Classes of brightness.
-const CLASSES: usize = 12;
+pub(super) const CLASSES: usize = 12;
 
 /// The most blocks examined. More add nothing to the accuracy, which the picture's texture limits.
 const MAX_BLOCKS: usize = 24_000;
@@ -30,7 +30,7 @@ const MAX_BLOCKS: usize = 24_000;
 const FLAT_SHARE: f64 = 0.1;
 
 /// The brightness range of the luma channel, `(R + G + B)/√3`.
-const LUMA_RANGE: f32 = 1.732_050_8;
+pub(super) const LUMA_RANGE: f32 = 1.732_050_8;
 
 /// The noise of each opponent channel over the brightness range, as standard deviations in units where white is 1.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,6 +71,21 @@ impl NoiseLevel {
                 .map(|channel| channel.map(|level| level.max(least))),
             compression: Some(compression),
         }
+    }
+
+    /// The same noise of a picture that shows no traces of compression.
+    #[must_use]
+    pub fn uncompressed(&self) -> Self {
+        Self {
+            sigma: self.sigma,
+            compression: None,
+        }
+    }
+
+    /// The standard deviations of the three opponent channels at evenly spaced brightnesses, from black to white, in units where
+    /// white is 1. Between two brightnesses they are interpolated.
+    pub fn sigma(&self) -> &[[f32; CLASSES]; CHANNELS] {
+        &self.sigma
     }
 
     /// The noise of the three opponent channels where the first one, `(R + G + B)/√3` of encoded values, is `luma`.

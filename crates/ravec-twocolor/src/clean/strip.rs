@@ -34,15 +34,164 @@ pub(super) fn rgb_from_opponent([y, u, v]: [f32; 3]) -> [f32; 3] {
     [y + u + v, y - 2.0 * v, y - u + v]
 }
 
-/// A strip of target rows with all windows that reach into it.
+/// The windows that reach into a strip of rows, and how the pixels under them are read and written.
+#[derive(Debug, Clone, Copy)]
+pub struct CleanStrip {
+    /// The rows that are cleaned.
+    pub target: Rect,
+    /// Side of a window in pixels.
+    pub side: usize,
+    /// Distance of neighboring windows in pixels.
+    pub stride: usize,
+    /// Columns, and rows, that the padded strip begins before the target.
+    pub lead: [usize; 2],
+    /// Windows in a row of windows, and rows of windows. The first one stands at the first pixel of the padded strip.
+    pub windows: [usize; 2],
+}
+
+impl CleanStrip {
+    /// The windows over `target`, a part of an image.
+    ///
+    /// # Panics
+    /// If the stride is 0.
+    pub fn new(target: Rect, side: usize, stride: usize) -> Self {
+        let lead = [
+            lead(target.col, side, stride),
+            lead(target.row, side, stride),
+        ];
+        // windows start at multiples of the stride from the lead on, as long as they reach the target
+        let windows = [
+            (lead[0] + target.width).div_ceil(stride),
+            (lead[1] + target.height).div_ceil(stride),
+        ];
+        Self {
+            target,
+            side,
+            stride,
+            lead,
+            windows,
+        }
+    }
+
+    /// Columns and rows of the padded strip: all that lies under windows.
+    pub fn padded(&self) -> [usize; 2] {
+        self.windows
+            .map(|count| (count - 1) * self.stride + self.side)
+    }
+
+    /// Hands encoded opponent colors to `put(column, color)` for each pixel of row `y` of the padded strip; the image is mirrored at
+    /// its borders.
+    #[inline(always)]
+    pub fn read_row(
+        &self,
+        image: &dyn LinearRows,
+        y: usize,
+        put: impl FnMut(usize, [f32; CHANNELS]),
+    ) {
+        RowReader::new(self, image).read(self, image, y, put);
+    }
+
+    /// Writes the target pixels in linear light, given their opponent colors by `cleaned(column, row)` of the padded strip;
+    /// alpha, and what is fully transparent or not a number, as in `image`.
+    #[inline(always)]
+    pub fn write(
+        &self,
+        image: &dyn LinearRows,
+        out: &mut [LinearRgba],
+        cleaned: impl Fn(usize, usize) -> [f32; CHANNELS],
+    ) {
+        let target = self.target;
+        let mut originals = vec![LinearRgba::default(); target.width];
+        let mut colors = vec![[0.0f32; 3]; target.width];
+        for (y, out) in out.chunks_exact_mut(target.width).enumerate() {
+            for (x, slot) in colors.iter_mut().enumerate() {
+                *slot = cleaned(x + self.lead[0], y + self.lead[1]);
+            }
+            for slot in &mut colors {
+                *slot = rgb_from_opponent(*slot).map(linear_from_srgb);
+            }
+            image.read_linear(target.row + y, target.col, &mut originals);
+            for ((out, &original), color) in out.iter_mut().zip(&originals).zip(&colors) {
+                let visible = original.alpha() > 0.0 && is_countable(original);
+                *out = if visible {
+                    LinearRgba::from_rgb_alpha(*color, original.alpha())
+                } else {
+                    original
+                };
+            }
+        }
+    }
+}
+
+/// Memory for the rows of a padded strip.
+struct RowReader {
+    /// Column of the image by that of the padded strip.
+    columns: Vec<usize>,
+    first: usize,
+    row: Vec<LinearRgba>,
+    opponents: Vec<[f32; CHANNELS]>,
+}
+
+impl RowReader {
+    fn new(strip: &CleanStrip, image: &dyn LinearRows) -> Self {
+        let before = strip.target.col as isize - strip.lead[0] as isize;
+        let columns: Vec<usize> = (0..strip.padded()[0] as isize)
+            .map(|x| mirrored(before + x, image.size().width()))
+            .collect();
+        let (first, end) = columns.iter().fold((usize::MAX, 0), |(low, high), &col| {
+            (low.min(col), high.max(col + 1))
+        });
+        Self {
+            columns,
+            first,
+            row: vec![LinearRgba::default(); end - first],
+            opponents: vec![[0.0; CHANNELS]; end - first],
+        }
+    }
+
+    #[inline(always)]
+    fn read(
+        &mut self,
+        strip: &CleanStrip,
+        image: &dyn LinearRows,
+        y: usize,
+        mut put: impl FnMut(usize, [f32; CHANNELS]),
+    ) {
+        let before = strip.target.row as isize - strip.lead[1] as isize;
+        let row = &mut self.row;
+        image.read_linear(
+            mirrored(before + y as isize, image.size().height()),
+            self.first,
+            row,
+        );
+        let mut numbers = true;
+        for &pixel in &*row {
+            numbers &= is_countable(pixel);
+        }
+        if !numbers {
+            for pixel in &mut *row {
+                *pixel = countable(*pixel);
+            }
+        }
+        if image.has_alpha() || !numbers {
+            cover_transparent(row);
+        }
+        for (slot, pixel) in self.opponents.iter_mut().zip(&*row) {
+            *slot = opponent_from_rgb(pixel.rgb().map(srgb_from_linear));
+        }
+        for (x, &col) in self.columns.iter().enumerate() {
+            put(x, self.opponents[col - self.first]);
+        }
+    }
+}
+
+/// A strip of target rows with all windows that reach into it, in lanes.
 pub(super) struct Strip {
-    target: Rect,
+    grid: CleanStrip,
     pub side: usize,
     pub stride: usize,
     /// Entries in a phase of a row.
     phase_len: usize,
-    /// Columns, and rows, that the padded strip begins before the target.
-    lead: [usize; 2],
     /// Windows in a row of windows, and rows of windows.
     pub windows: [usize; 2],
     /// Encoded opponent colors.
@@ -72,71 +221,40 @@ fn lead(begin: usize, side: usize, stride: usize) -> usize {
 
 impl Strip {
     #[inline(always)]
-    pub fn read<S: Simd>(
-        _simd: S,
-        image: &dyn LinearRows,
-        target: Rect,
-        side: usize,
-        stride: usize,
-    ) -> Self {
-        let lead = [
-            lead(target.col, side, stride),
-            lead(target.row, side, stride),
-        ];
-        // windows start at multiples of the stride from the lead on, as long as they reach the target
-        let windows = [
-            (lead[0] + target.width).div_ceil(stride),
-            (lead[1] + target.height).div_ceil(stride),
-        ];
-        let rows = (windows[1] - 1) * stride + side;
+    pub fn read<S: Simd>(_simd: S, image: &dyn LinearRows, grid: CleanStrip) -> Self {
+        let CleanStrip {
+            side,
+            stride,
+            windows,
+            ..
+        } = grid;
+        let [_, rows] = grid.padded();
         let phase_len = windows[0] + side.div_ceil(stride) + 2 * MAX_LANES;
         let len = rows * stride * phase_len;
         let mut strip = Self {
-            target,
+            grid,
             side,
             stride,
             phase_len,
-            lead,
             windows,
             colors: std::array::from_fn(|_| vec![0.0; len]),
             sums: std::array::from_fn(|_| vec![0.0; len]),
             weights: std::array::from_fn(|_| vec![0.0; len]),
         };
-
-        let size = image.size();
-        let width = (windows[0] - 1) * stride + side;
-        let columns: Vec<usize> = (0..width)
-            .map(|x| mirrored((target.col + x) as isize - lead[0] as isize, size.width()))
-            .collect();
-        let used = columns.iter().fold((usize::MAX, 0), |(low, high), &col| {
-            (low.min(col), high.max(col + 1))
-        });
-        let mut row = vec![LinearRgba::default(); used.1 - used.0];
-        let mut opponents = vec![[0.0f32; CHANNELS]; row.len()];
+        let mut reader = RowReader::new(&grid, image);
         for y in 0..rows {
-            let from = mirrored((target.row + y) as isize - lead[1] as isize, size.height());
-            image.read_linear(from, used.0, &mut row);
-            let mut numbers = true;
-            for &pixel in &row {
-                numbers &= is_countable(pixel);
-            }
-            if !numbers {
-                for pixel in &mut row {
-                    *pixel = countable(*pixel);
-                }
-            }
-            if image.has_alpha() || !numbers {
-                cover_transparent(&mut row);
-            }
-            for (slot, pixel) in opponents.iter_mut().zip(&row) {
-                *slot = opponent_from_rgb(pixel.rgb().map(srgb_from_linear));
-            }
-            for (x, &col) in columns.iter().enumerate() {
-                let at = strip.entry(x % stride, y, x / stride);
-                for (plane, value) in strip.colors.iter_mut().zip(opponents[col - used.0]) {
-                    plane[at] = value;
-                }
-            }
+            reader.read(
+                &grid,
+                image,
+                y,
+                #[inline(always)]
+                |x, color| {
+                    let at = strip.entry(x % stride, y, x / stride);
+                    for (plane, value) in strip.colors.iter_mut().zip(color) {
+                        plane[at] = value;
+                    }
+                },
+            );
         }
         strip
     }
@@ -153,31 +271,18 @@ impl Strip {
         self.entry(dx % self.stride, j * self.stride + dy, i + dx / self.stride)
     }
 
-    /// Writes the cleaned target pixels in linear light; alpha, and what is fully transparent or not a number, as in
-    /// `image`.
+    /// Writes the cleaned target pixels.
     #[inline(always)]
     pub fn write(&self, image: &dyn LinearRows, out: &mut [LinearRgba]) {
-        let mut originals = vec![LinearRgba::default(); self.target.width];
-        let mut cleaned = vec![[0.0f32; 3]; self.target.width];
-        for (y, out) in out.chunks_exact_mut(self.target.width).enumerate() {
-            for (x, slot) in cleaned.iter_mut().enumerate() {
-                let column = x + self.lead[0];
-                let at = self.entry(column % self.stride, y + self.lead[1], column / self.stride);
-                *slot = std::array::from_fn(|c| self.sums[c][at] / self.weights[c][at]);
-            }
-            for slot in &mut cleaned {
-                *slot = rgb_from_opponent(*slot).map(linear_from_srgb);
-            }
-            image.read_linear(self.target.row + y, self.target.col, &mut originals);
-            for ((out, &original), color) in out.iter_mut().zip(&originals).zip(&cleaned) {
-                let visible = original.alpha() > 0.0 && is_countable(original);
-                *out = if visible {
-                    LinearRgba::from_rgb_alpha(*color, original.alpha())
-                } else {
-                    original
-                };
-            }
-        }
+        self.grid.write(
+            image,
+            out,
+            #[inline(always)]
+            |x, y| {
+                let at = self.entry(x % self.stride, y, x / self.stride);
+                std::array::from_fn(|c| self.sums[c][at] / self.weights[c][at])
+            },
+        );
     }
 }
 

@@ -5,29 +5,38 @@
 //! stand out of the noise of variance `σ²`. The estimate of a pixel is
 //! `m + r g·(p − p̄) + a (y − m − r g·(p − p̄))`.
 
-use super::noise::NoiseLevel;
+use super::noise::{LUMA_RANGE, NoiseLevel};
 use super::strip::{CHANNELS, Strip};
 use crate::split_table::SplitTable;
 use crate::sweep::{Batch, MAX_LANES, OPAQUE};
 use fearless_simd::prelude::*;
 
-/// A split counts if its gain exceeds this multiple of the noise variance. The best of a thousand splits of pure noise
-/// gains about 15 on three channels; twice as much misses faint edges, half as much splits flat windows.
-const MIN_GAIN: f32 = 20.0;
+/// How much of a window stands out of its noise, in the steps of the module above.
+#[derive(Debug, Clone, Copy)]
+pub struct WindowShrinkage;
 
-/// Added to the scatter so that a side one pixel wide has a slope. A tenth of a pixel²: far below that of any side that
-/// has a slope worth knowing.
-const SCATTER_FLOOR: f32 = 0.1;
+impl WindowShrinkage {
+    /// A split counts if its gain exceeds this multiple of the noise variance. The best of a thousand splits of pure noise
+    /// gains about 15 on three channels; twice as much misses faint edges, half as much splits flat windows.
+    pub const MIN_GAIN: f32 = 20.0;
 
-/// The multiple of the noise variance that a plane must have to keep any slope: two parameters' worth of noise, twice.
-const SLOPE_SHRINK: f32 = 4.0;
+    /// Added to the scatter so that a side one pixel wide has a slope. A tenth of a pixel²: far below that of any side that
+    /// has a slope worth knowing.
+    pub const SCATTER_FLOOR: f32 = 0.1;
 
-/// Share of the noise variance that is taken off the residual of luma and of chroma. Below 1 keeps fine texture; chroma
-/// has less of it, and its noise is what the eye minds.
-const RESIDUAL_SHRINK: [f32; CHANNELS] = [0.9, 1.26, 1.26];
+    /// The multiple of the noise variance that a plane must have to keep any slope: two parameters' worth of noise, twice.
+    pub const SLOPE_SHRINK: f32 = 4.0;
 
-/// The least noise variance, in units where white is 1: a hundredth of an 8-bit step. Keeps the weights finite.
-const MIN_VARIANCE: f32 = 1.5e-9;
+    /// Share of the noise variance that is taken off the residual of luma and of chroma. Below 1 keeps fine texture; chroma
+    /// has less of it, and its noise is what the eye minds.
+    pub const RESIDUAL_SHRINK: [f32; CHANNELS] = [0.9, 1.26, 1.26];
+
+    /// The least noise variance, in units where white is 1: a hundredth of an 8-bit step. Keeps the weights finite.
+    pub const MIN_VARIANCE: f32 = 1.5e-9;
+
+    /// The brightness range of the luma channel, `(R + G + B)/√3`.
+    pub const LUMA_RANGE: f32 = LUMA_RANGE;
+}
 
 /// Adds the estimates of all windows of the strip to its sums.
 #[inline(always)]
@@ -119,8 +128,9 @@ fn clean_batch<S: Simd>(
     // two sides if the gain stands out of the noise; else everything lies on side 0
     let (mut normal_x, mut normal_z, mut offset) = (zero, zero, one);
     for lane in 0..S::f32s::LEN {
-        let least =
-            MIN_GAIN * (variance[0][lane] + variance[1][lane] + variance[2][lane]) * (1.0 / 3.0);
+        let least = WindowShrinkage::MIN_GAIN
+            * (variance[0][lane] + variance[1][lane] + variance[2][lane])
+            * (1.0 / 3.0);
         if found.gain[lane] > least {
             let line = &table.lines[found.event[lane] as usize];
             normal_x[lane] = line.normal[0];
@@ -156,7 +166,7 @@ fn clean_batch<S: Simd>(
             xy: moments_all[c].xy - moments_0[c].xy,
             zy: moments_all[c].zy - moments_0[c].zy,
         };
-        let shrink = RESIDUAL_SHRINK[c];
+        let shrink = WindowShrinkage::RESIDUAL_SHRINK[c];
         let side_0 = estimate::<S>(simd, &positions_0, &moments_0[c], variance[c], shrink);
         let side_1 = estimate::<S>(simd, &positions_1, &moments_1, variance[c], shrink);
         let step = Estimate {
@@ -270,10 +280,10 @@ fn side_sums<S: Simd>(
 /// The noise variance of each channel at the brightness of each window.
 #[inline(always)]
 fn variances<S: Simd>(simd: S, noise: &NoiseLevel, luma: &[f32; MAX_LANES]) -> [S::f32s; CHANNELS] {
-    let mut variance = [S::f32s::splat(simd, MIN_VARIANCE); CHANNELS];
+    let mut variance = [S::f32s::splat(simd, WindowShrinkage::MIN_VARIANCE); CHANNELS];
     for lane in 0..S::f32s::LEN {
         for (channel, sigma) in variance.iter_mut().zip(noise.sigma_at(luma[lane])) {
-            channel[lane] = (sigma * sigma).max(MIN_VARIANCE);
+            channel[lane] = (sigma * sigma).max(WindowShrinkage::MIN_VARIANCE);
         }
     }
     variance
@@ -319,9 +329,9 @@ fn estimate<S: Simd>(
     let m = moments.y * inverse_n;
 
     // slope: M g = b
-    let m_xx = positions.xx - positions.x * center_x + SCATTER_FLOOR;
+    let m_xx = positions.xx - positions.x * center_x + WindowShrinkage::SCATTER_FLOOR;
     let m_xz = positions.xz - positions.x * center_z;
-    let m_zz = positions.zz - positions.z * center_z + SCATTER_FLOOR;
+    let m_zz = positions.zz - positions.z * center_z + WindowShrinkage::SCATTER_FLOOR;
     let (b_x, b_z) = (
         moments.xy - moments.y * center_x,
         moments.zy - moments.y * center_z,
@@ -330,7 +340,7 @@ fn estimate<S: Simd>(
     let g_x = (m_zz * b_x - m_xz * b_z) * inverse_det;
     let g_z = (m_xx * b_z - m_xz * b_x) * inverse_det;
     let plane_energy = (g_x * b_x + g_z * b_z).max(zero);
-    let noise_in_plane = variance * SLOPE_SHRINK;
+    let noise_in_plane = variance * WindowShrinkage::SLOPE_SHRINK;
     let r = (one - noise_in_plane / plane_energy.max(noise_in_plane)).max(zero);
 
     // residual
