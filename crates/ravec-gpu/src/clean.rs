@@ -197,10 +197,8 @@ impl<'a, P: GpuPixel> Cleaner<'a, P> {
             // the sum of the squares of x, or of z, over a window
             ("SQUARES", n * n * (n * n - 1.0) / 12.0),
         ];
-        let mut constants = sweep_constants(side);
-        for (name, value) in numbers {
-            constants += &format!("\nconst {name}: f32 = {value:e};");
-        }
+        let numbers = numbers.map(|(name, value)| format!("const {name}: f32 = {value:e};"));
+        let constants = format!("{}\n{}", sweep_constants(side), numbers.join("\n"));
         let sigma: Vec<f32> = noise.sigma().iter().flatten().copied().collect();
         Ok(Self {
             gpu,

@@ -36,7 +36,7 @@ pub const COARSE_TO_FINE_SIDES: [usize; 4] = [8, 16, 32, 64];
 /// The largest side that is fitted exactly on the way: that of the CPU.
 const EXACT_SIDE: usize = 16;
 
-/// Words of a block: in `coarse.wgsl` (STEPS to IS_OPAQUE, and two lines), and of a result.
+/// Words of a block in `coarse.wgsl`: its sums, two lines, and its result.
 const BLOCK_WORDS: usize = 11;
 const START_WORDS: usize = 8;
 const WORDS: usize = 15;
@@ -195,7 +195,7 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
             planes: Planes::new::<P>(gpu, PlaneColor::Oklab)?,
             sweep: SweepBuffers::new(gpu, coarsest)?,
             sectors: gpu.table(&format!("sectors {coarsest}"), || {
-                SweepTable::new(coarsest).sectors().collect()
+                SweepTable::new(coarsest).sectors()
             })?,
             center: gpu.kernel(
                 "center_blocks",
@@ -229,9 +229,10 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         let last = self.sides.len() - 1;
         let level = |(number, &side): (usize, &usize)| -> Result<LevelBuffers, Failure> {
             let factor = self.finest() / side;
-            let events = match number == last {
-                true => SweepTable::new(side).events().len(),
-                false => 0,
+            let events = if number == last {
+                SweepTable::new(side).events().len()
+            } else {
+                0
             };
             let bytes = |pixels: usize| self.gpu.output(PLANE_PIXEL_BYTES * blocks * pixels);
             Ok(LevelBuffers {
@@ -270,9 +271,7 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         let lines = self.gpu.output(4 * START_WORDS * blocks)?;
         let output = self.gpu.output(4 * WORDS * blocks)?;
 
-        let pixels = |level: &'_ LevelBuffers| -> wgpu::Buffer {
-            level.pixels.as_ref().unwrap_or(&plane.buffer).clone()
-        };
+        let pixels = |level: &LevelBuffers| level.pixels.as_ref().unwrap_or(&plane.buffer).clone();
         let sources: Vec<wgpu::Buffer> = levels.iter().map(pixels).collect();
         let mut runs = vec![
             plane.run(&self.planes),
@@ -284,16 +283,14 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         ];
         for (number, level) in levels.iter().enumerate().skip(1) {
             let from_image = number == 1;
-            let mut bindings = vec![
-                (0, &level.params),
-                (1, &sources[number - 1]),
-                (3, &sources[number]),
-            ];
-            // what a level was reduced from has no mean
-            bindings.extend([(2, &found)]);
             runs.push(Run {
                 kernel: &self.reduce[usize::from(!from_image)],
-                bindings,
+                bindings: vec![
+                    (0, &level.params),
+                    (1, &sources[number - 1]),
+                    (2, &found),
+                    (3, &sources[number]),
+                ],
                 threads: blocks * level.side * level.side,
             });
         }

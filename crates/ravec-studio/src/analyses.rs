@@ -103,16 +103,15 @@ impl AnalysisView {
     pub(crate) fn resolved(&self, edit: &Edit, document: &Document) -> Result<Resolved, PathBuf> {
         let outputs: Vec<&str> = (document.enabled())
             .filter(|edit| edit.is_analysis())
-            .filter_map(|edit| edit.output())
+            .flat_map(|edit| edit.output().into_iter().chain(edit.regions_output()))
             .collect();
         let mut resolved = Resolved {
             edit: edit.clone(),
             mattes: None,
             keys: String::new(),
         };
-        // a name of its own is an output
         let fields = resolved.edit.fields.iter_mut();
-        for (_, value) in fields.filter(|(name, _)| *name != "output") {
+        for (_, value) in fields.filter(|(name, _)| !edit.is_output(name)) {
             let Some(path) = value.as_str().map(PathBuf::from) else {
                 continue;
             };
@@ -180,6 +179,12 @@ pub(crate) struct Analyses {
 /// True for an edit whose result is found here. A matte without an output of its own is one: the clip becomes its foreground.
 fn is_found(edit: &Edit) -> bool {
     edit.is_analysis() || edit.operation == "matte"
+}
+
+/// All that an analysis gives to other edits, by its names in the document: the result, and the map of planes of a plate.
+fn outputs_of(edit: &Edit) -> impl Iterator<Item = PathBuf> + use<> {
+    let regions = edit.regions_output().map(PathBuf::from);
+    std::iter::once(output_of(edit)).chain(regions)
 }
 
 /// The output of an analysis in a document, or a name for the result of a matte without one.
@@ -322,7 +327,7 @@ fn go_through(
         let mut state = lock(&shared.state);
         let ids: Vec<EditId> = analyses.iter().map(|edit| edit.id).collect();
         state.states.retain(|id, _| ids.contains(id));
-        let outputs: Vec<_> = analyses.iter().map(|edit| output_of(edit)).collect();
+        let outputs: Vec<_> = analyses.iter().flat_map(|edit| outputs_of(edit)).collect();
         let mut results = HashMap::clone(&state.view.results);
         results.retain(|path, _| outputs.contains(path));
         publish(&mut state, results);
@@ -335,22 +340,22 @@ fn go_through(
         let mut state = lock(&shared.state);
         state.running = None;
         let mut results = HashMap::clone(&state.view.results);
-        let output = output_of(edit);
+        let outputs = outputs_of(edit);
         match outcome {
             Outcome::Known => continue,
             Outcome::Found(found) => {
-                results.insert(output, *found);
+                results.extend(outputs.zip(found));
                 state.states.insert(edit.id, AnalysisState::Done);
             }
             Outcome::Waits => {
-                results.remove(&output);
+                outputs.for_each(|output| drop(results.remove(&output)));
                 state.states.insert(edit.id, AnalysisState::Waiting);
             }
             Outcome::Later => {
                 state.states.insert(edit.id, AnalysisState::Waiting);
             }
             Outcome::Failed(reason) => {
-                results.remove(&output);
+                outputs.for_each(|output| drop(results.remove(&output)));
                 state.states.insert(edit.id, AnalysisState::Failed(reason));
             }
         }
@@ -375,7 +380,8 @@ fn publish(state: &mut State, results: HashMap<PathBuf, Found>) {
 enum Outcome {
     /// The result is that of an earlier run.
     Known,
-    Found(Box<Found>),
+    /// The result, and after it that of the map of planes.
+    Found(Vec<Found>),
     /// Something that it needs is not there.
     Waits,
     /// A newer document is on its way. The last result stays.
@@ -412,6 +418,12 @@ fn run(
     let mut mapped = resolved.edit;
     let text = name.to_string_lossy().into_owned();
     mapped.fields.insert("output".to_owned(), text.into());
+    let mut names = vec![name.clone()];
+    if edit.regions_output().is_some() {
+        let regions = format!("@analysis-{}-regions", edit.id);
+        names.push(PathBuf::from(&regions));
+        mapped.fields.insert("regions".to_owned(), regions.into());
+    }
     let step = match mapped.step(&document.source, &name) {
         Ok(step) => step,
         Err(reason) => return Outcome::Failed(reason),
@@ -426,8 +438,11 @@ fn run(
     let unmarked = mapped.with_param("marks", Value::Null);
     let unmarked = serde_json::to_string(&unmarked.fields).unwrap_or_default();
     let unmarked = format!("{unmarked}\n{rest}");
-    let known = view.results.get(&output_of(edit));
-    if known.is_some_and(|known| *known.key == *key) {
+    let is_known = |output: PathBuf| {
+        let known = view.results.get(&output);
+        known.is_some_and(|known| *known.key == *key)
+    };
+    if outputs_of(edit).all(is_known) {
         return Outcome::Known;
     }
     let is_known_failure = failed.get(&edit.id) == Some(&key);
@@ -457,12 +472,16 @@ fn run(
         step => step.operation().run(&context).map(|_| None),
     };
     match done {
-        Ok(mattes) => Outcome::Found(Box::new(Found {
-            key: key.into(),
-            unmarked: unmarked.into(),
-            name,
-            mattes,
-        })),
+        Ok(mattes) => {
+            let (key, unmarked): (Arc<str>, Arc<str>) = (key.into(), unmarked.into());
+            let found = names.into_iter().map(|name| Found {
+                key: key.clone(),
+                unmarked: unmarked.clone(),
+                name,
+                mattes: mattes.clone(),
+            });
+            Outcome::Found(found.collect())
+        }
         // a newer document is on its way, or the user has stopped it
         Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Later,
         Err(error) => {

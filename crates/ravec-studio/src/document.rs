@@ -121,6 +121,17 @@ impl Edit {
         self.fields.get("output").and_then(Value::as_str)
     }
 
+    /// The map of planes that a plate writes beside its picture, by which other edits name it.
+    pub fn regions_output(&self) -> Option<&str> {
+        let regions = self.fields.get("regions").and_then(Value::as_str);
+        regions.filter(|_| self.operation == "plate")
+    }
+
+    /// True for a field that names what the edit writes.
+    pub(crate) fn is_output(&self, field: &str) -> bool {
+        field == "output" || (field == "regions" && self.operation == "plate")
+    }
+
     /// A field of the operation that is text, such as a path.
     pub fn text_field(&self, name: &str) -> &str {
         let text = self.fields.get(name).and_then(Value::as_str);
@@ -331,7 +342,12 @@ impl Document {
 
     /// A name for an intermediate result that no edit has, such as `@plate` or `@plate-2`.
     pub fn free_name(&self, stem: &str, extension: &str) -> String {
-        let taken = |name: &String| self.edits.iter().any(|edit| edit.output() == Some(name));
+        let taken = |name: &String| {
+            let is_its = |edit: &Arc<Edit>| {
+                [edit.output(), edit.regions_output()].contains(&Some(name.as_str()))
+            };
+            self.edits.iter().any(is_its)
+        };
         let numbered = (2..).map(|number| format!("@{stem}-{number}{extension}"));
         let mut names = std::iter::once(format!("@{stem}{extension}")).chain(numbered);
         // there are more names than edits

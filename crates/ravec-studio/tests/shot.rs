@@ -276,3 +276,47 @@ fn a_stroke_right_after_the_tool() {
     drag(&mut harness, &way);
     assert!(harness.query_by_label("Stroke 1 in frame 4").is_some());
 }
+
+#[test]
+fn all_planes_of_a_track_are_on_the_plate_and_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (truth, mut harness) = meadow(folder.path());
+    // the meadow stands still; the other plane, of a camera that pans, is wrong everywhere
+    let maps = |speed: f64| -> Vec<[f64; 9]> {
+        let map = |index| [1.0, 0.0, speed * index as f64, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        (0..FRAMES).map(map).collect()
+    };
+    let planes = [0.0, 4.0].map(|speed| serde_json::json!({"frame_from_reference": maps(speed)}));
+    let track = folder.path().join("track.json");
+    let text = serde_json::json!({ "planes": planes }).to_string();
+    std::fs::write(&track, text).unwrap();
+
+    click(&mut harness, "Background plate");
+    assert!(harness.query_by_label("All planes of the track").is_none());
+    let field = harness.get_by_role_and_label(Role::TextInput, "Track");
+    field.focus();
+    harness.step();
+    let field = harness.get_by_role_and_label(Role::TextInput, "Track");
+    field.type_text(track.to_str().unwrap());
+    harness.step();
+    harness.key_press(Key::Enter);
+    settle(&mut harness);
+    click(&mut harness, "All planes of the track");
+    assert!(harness.query_by_label("The plate is there").is_some());
+    click(&mut harness, "Remove the foreground");
+    let document = harness.state().document().unwrap();
+    let named = |operation: &str| {
+        let mut edits = document.edits.iter();
+        let edit = edits.rfind(|edit| edit.operation == operation).unwrap();
+        [edit.text_field("regions"), edit.text_field("track")].map(str::to_owned)
+    };
+    for operation in ["plate", "matte", "video remove"] {
+        let expected = ["@regions", track.to_str().unwrap()];
+        assert_eq!(named(operation), expected, "{operation}");
+    }
+    go_to(&mut harness, 6);
+    let plate: Image<Srgb<u8>> = truth.frame(6).plate.convert();
+    let wrong = largest(&shown(&harness), &plate, |_, _| true);
+    assert!(wrong < 25, "{wrong}");
+    exported(&mut harness, folder.path());
+}

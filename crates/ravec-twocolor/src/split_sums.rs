@@ -6,7 +6,7 @@
 
 use crate::fit::{FlatThreshold, opaque_pixel, weighted_pixel};
 use crate::pixel::{MAX_LIGHT, TwoColorPixel};
-use crate::split_table::{SECTORS, SplitTable, split_table};
+use crate::split_table::{SplitTable, split_table};
 
 /// What the sweep over the splits of one block has found.
 ///
@@ -81,13 +81,10 @@ impl SweepTable {
 
     /// The number of the first event of each sector of angles, and of the end of the last one. The fit coarse to fine starts
     /// from the best events of two sectors.
-    pub fn sectors(self) -> impl ExactSizeIterator<Item = u32> + use<> {
-        let sectors = &self.0.sectors;
-        (0..SECTORS + 1).map(move |k| {
-            sectors
-                .get(k)
-                .map_or(self.0.events.len(), |range| range.start) as u32
-        })
+    pub fn sectors(&self) -> Vec<u32> {
+        let firsts = self.0.sectors.iter().map(|range| range.start);
+        let all = firsts.chain([self.0.events.len()]);
+        all.map(|event| event as u32).collect()
     }
 
     /// By event, a line `[n.x, n.y, d]` with that split. Side 0 is where `n·p < d`, from the block's center.

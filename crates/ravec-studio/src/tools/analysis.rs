@@ -2,9 +2,10 @@
 
 use super::{Desk, Gesture};
 use crate::analyses::AnalysisState;
-use crate::document::Edit;
+use crate::document::{Document, Edit};
 use crate::view::panel::text_ui;
 use egui::{ProgressBar, RichText, Ui};
+use serde_json::{Map, Value};
 
 /// The state of an analysis, with buttons that stop it and start it again.
 pub(super) fn state_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit, done: &str) {
@@ -39,7 +40,18 @@ pub(super) fn source_ui(
     ui: &mut Ui,
     desk: &Desk<'_>,
     edit: &Edit,
+    line: (&str, &str, &str),
+) -> Option<Gesture> {
+    let known = desk.document.last_analysis(line.0, Some(edit.id));
+    line_ui(ui, edit, line, known.and_then(|known| known.output()))
+}
+
+/// A line for the name of what another edit gives, and a button that takes `output`.
+fn line_ui(
+    ui: &mut Ui,
+    edit: &Edit,
     (field, label, help): (&str, &str, &str),
+    output: Option<&str>,
 ) -> Option<Gesture> {
     let text = edit.text_field(field);
     let mut changed = None;
@@ -48,8 +60,6 @@ pub(super) fn source_ui(
         if let Some(path) = text_ui(ui, field, text, label.id) {
             changed = Some(edit.with_text_field(field, path.trim()));
         }
-        let known = desk.document.last_analysis(field, Some(edit.id));
-        let output = known.and_then(|known| known.output());
         if let Some(output) = output.filter(|output| *output != text)
             && ui
                 .button("Take")
@@ -60,6 +70,29 @@ pub(super) fn source_ui(
         }
     });
     changed.map(Gesture::done)
+}
+
+/// Takes the map of planes of the plate of a document, if it has one, with the track that the map numbers.
+pub(super) fn take_regions(fields: &mut Map<String, Value>, document: &Document) {
+    let plate = document.last_analysis("plate", None);
+    if let Some(plate) = plate
+        && let Some(regions) = plate.regions_output()
+    {
+        fields.insert("regions".to_owned(), regions.into());
+        fields.insert("track".to_owned(), plate.text_field("track").into());
+    }
+}
+
+/// A line for the map of planes of a plate: its name, and a button that takes that of this project.
+pub(super) fn regions_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
+    let known = desk.document.last_analysis("plate", Some(edit.id));
+    let output = known.and_then(|known| known.regions_output());
+    let text = edit.text_field("regions");
+    if output.is_none() && text.is_empty() {
+        return None;
+    }
+    let help = "The map of a plate with several planes, along which the frame is followed";
+    line_ui(ui, edit, ("regions", "Planes", help), output)
 }
 
 /// A line for the name of a file; an empty one removes the field.

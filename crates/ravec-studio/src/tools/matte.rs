@@ -1,6 +1,6 @@
 //! Mattes: strokes answer on the frame at once, and are carried through the shot beside the window.
 
-use super::analysis::{output_ui, source_ui, state_ui};
+use super::analysis::{output_ui, regions_ui, source_ui, state_ui, take_regions};
 use super::marker::{Marker, marks};
 use super::plate::TRACK;
 use super::{Desk, Gesture, Hand, Row, Tool, with_params};
@@ -251,6 +251,7 @@ impl Tool for Matte {
                 fields.insert(field.to_owned(), output.into());
             }
         }
+        take_regions(&mut fields, document);
         fields
     }
 
@@ -310,6 +311,7 @@ impl Tool for Matte {
             ("plate", "Plate", "The background without foreground"),
         );
         let track = source_ui(ui, desk, edit, TRACK);
+        let planes = regions_ui(ui, desk, edit);
         let mut is_result = !edit.is_analysis();
         let mut changed = None;
         if ui
@@ -332,6 +334,6 @@ impl Tool for Matte {
             output_ui(ui, edit, "@matte")
         };
         let changed = changed.map(Gesture::done);
-        marked.or(plate).or(track).or(changed).or(output)
+        marked.or(plate).or(track).or(planes).or(changed).or(output)
     }
 }

@@ -122,11 +122,34 @@ impl Tool for Plate {
         Self::ask(desk.assistant, edit);
         state_ui(ui, desk, edit, "The plate is there");
         let track = source_ui(ui, desk, edit, TRACK);
+        let planes = planes_ui(ui, desk, edit);
         let marked = self.marker.panel_ui(ui, edit);
         let range = range_ui(ui, desk, edit);
         let output = output_ui(ui, edit, "@plate");
-        track.or(marked).or(range).or(output)
+        track.or(planes).or(marked).or(range).or(output)
     }
+}
+
+/// A box that puts all planes of the track on the plate.
+fn planes_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
+    if edit.text_field("track").is_empty() {
+        return None;
+    }
+    let mut has_all = edit.regions_output().is_some();
+    let help = "Each pixel lies on the plane of the track along which the frames agree best; \
+                mattes and edits that take the map follow all planes";
+    let changed = ui
+        .checkbox(&mut has_all, "All planes of the track")
+        .on_hover_text(help)
+        .changed();
+    changed.then(|| {
+        let name = if has_all {
+            desk.document.free_name("regions", "")
+        } else {
+            String::new()
+        };
+        Gesture::done(edit.with_text_field("regions", &name))
+    })
 }
 
 /// The line of a track.

@@ -1,7 +1,7 @@
 //! Edits of a shot: removal, replacement, enhancement and paste. All show their result on the frame at the playhead as soon as plate
 //! and matte are there.
 
-use super::analysis::{file_ui, source_ui};
+use super::analysis::{file_ui, regions_ui, source_ui, take_regions};
 use super::plate::TRACK;
 use super::{Desk, Gesture, Tool, with_params};
 use crate::analyses::AnalysisState;
@@ -117,6 +117,7 @@ impl Tool for ShotTool {
                 fields.insert(name.to_owned(), output.into());
             }
         }
+        take_regions(&mut fields, document);
         fields
     }
 
@@ -163,7 +164,7 @@ impl Tool for ShotTool {
         ] {
             changed = changed.or(source_ui(ui, desk, edit, field));
         }
-        changed
+        changed.or(regions_ui(ui, desk, edit))
     }
 }
 
