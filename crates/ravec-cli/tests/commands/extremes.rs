@@ -216,7 +216,7 @@ fn a_ribbon() {
 }
 
 #[test]
-fn a_row_of_two_million_pixels() {
+fn a_row_of_a_million_pixels() {
     let cheap = [
         "compare in.png in.png",
         "match in.png in.png -o h.txt",
@@ -228,7 +228,7 @@ fn a_row_of_two_million_pixels() {
         "twocolor in.png -o out.jpg",
         "library add in.png --catalogue photos.ravec",
     ];
-    assert_all_end(2_000_000, 1, &cheap);
+    assert_all_end(1_000_000, 1, &cheap);
     let cheap = [
         "compare in.png in.png",
         "match in.png in.png -o h.txt",
@@ -237,14 +237,14 @@ fn a_row_of_two_million_pixels() {
         "retarget in.png --size 50% -o out.png --show-grid grid.png",
         "library add in.png --catalogue photos.ravec",
     ];
-    assert_all_end(1, 2_000_000, &cheap);
+    assert_all_end(1, 1_000_000, &cheap);
 }
 
 /// One bit a pixel, so that the file is small. Operations that only read it and refuse, or do little.
 #[test]
-fn a_row_of_twenty_million_pixels() {
+fn a_row_of_eight_million_pixels() {
     let folder = tempfile::tempdir().unwrap();
-    let (width, height) = (20_000_000, 1);
+    let (width, height) = (8_000_000, 1);
     let bits: Vec<u8> = (0..width / 8).map(noise).collect();
     let file = png(width as u32, height as u32, 1, GREY, &bits);
     std::fs::write(folder.path().join("in.png"), file).unwrap();

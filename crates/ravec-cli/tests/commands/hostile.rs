@@ -22,7 +22,15 @@ fn assert_nobody_reads(folder: &Path, name: &str, words: &[&str]) {
             "-o",
             "out.png",
         ],
-        &["demo", "--image", name, "--out", "gallery"],
+        &[
+            "demo",
+            "--image",
+            name,
+            "--max-side",
+            "64",
+            "--out",
+            "gallery",
+        ],
     ] {
         let output = ravec(folder, arguments);
         assert_refused(&output, 3, &[&[name], words].concat());

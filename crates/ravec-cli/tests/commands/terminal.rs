@@ -74,7 +74,15 @@ fn names_of_files_are_escaped_in_summaries_logs_reports_warnings_and_errors() {
     assert_escaped(&stdout(&output));
     let output = ravec(
         folder.path(),
-        &["demo", "--image", &name, "--out", "gallery"],
+        &[
+            "demo",
+            "--image",
+            &name,
+            "--max-side",
+            "64",
+            "--out",
+            "gallery",
+        ],
     );
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert_harmless(&std::fs::read_to_string(folder.path().join("gallery/index.html")).unwrap());
