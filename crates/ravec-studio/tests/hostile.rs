@@ -145,6 +145,65 @@ fn an_export_that_cannot_be_written_is_a_sentence() {
     assert!(!harness.state().is_busy());
 }
 
+/// The folder of a process whose files cannot grow.
+const FULL_DISK: &str = "RAVEC_TEST_FULL_DISK";
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_a_sentence_and_nothing_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = photo(&folder.path().join("photo.png"), [60, 40]);
+    let mut harness = studio(vec![path]);
+    click(&mut harness, "Two-color view");
+    press(&mut harness, Modifiers::COMMAND, Key::S);
+    click(&mut harness, "Save the project: Save");
+    let files = || {
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let read = |path: PathBuf| (path.clone(), std::fs::read(path).unwrap());
+        let mut files: Vec<_> = entries.map(|entry| read(entry.unwrap().path())).collect();
+        files.sort();
+        files
+    };
+    let before = files();
+    assert_eq!(before.len(), 2);
+    // no file of the child may become longer than nothing: the second half of this test runs there
+    let output = std::process::Command::new("sh")
+        .args(["-c", r#"trap "" XFSZ; ulimit -f 0 && exec "$0" "$@""#])
+        .arg(std::env::current_exe().unwrap())
+        .args(["--exact", "on_a_full_disk", "--ignored", "--nocapture"])
+        .env(FULL_DISK, folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    let failed = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}{failed}");
+    assert!(said.contains("1 passed"), "{said}");
+    assert!(files() == before, "the project is as it was saved");
+}
+
+#[test]
+#[ignore = "runs in a process whose files cannot grow"]
+fn on_a_full_disk() {
+    let Some(folder) = std::env::var_os(FULL_DISK) else {
+        return;
+    };
+    let folder = Path::new(&folder);
+    let mut harness = studio(vec![folder.join("photo.ravec.json")]);
+    assert_eq!(edits(&harness), 1);
+    click(&mut harness, "Filter");
+    press(&mut harness, Modifiers::COMMAND, Key::S);
+    let (message, wrong) = harness.state().message().unwrap();
+    assert!(wrong && message.contains("photo.ravec.json"), "{message}");
+    click(&mut harness, "Export…");
+    click(&mut harness, "Export the result: Export");
+    let (message, wrong) = harness.state().message().unwrap();
+    assert!(wrong && message.contains(".png"), "{message}");
+    // what was made is there still
+    assert_eq!(edits(&harness), 2);
+    let snapshot = harness.state().snapshot().unwrap();
+    assert!(snapshot.failure.is_none() && !snapshot.is_stale);
+}
+
 #[test]
 fn every_tool_stands_a_single_pixel() {
     let folder = tempfile::tempdir().unwrap();
