@@ -3,11 +3,13 @@
 use crate::pictures::glass;
 use crate::{ADAPTER, gpu, open};
 use ravec_gpu::{
-    DeviceChoice, Gpu, GpuError, OpenOptions, RenderStyle, adapters, fit, render_field,
+    DeviceChoice, Gpu, GpuError, OpenOptions, RenderStyle, adapters, clean, fit, render_field,
 };
 use ravec_progress::Progress;
-use ravec_raster::{Image, Size, Srgb};
-use ravec_twocolor::{FitError, FitParams, TwoColorField, render_to};
+use ravec_raster::{Image, Rect, Size, Srgb};
+use ravec_twocolor::{
+    CleanParams, FitError, FitParams, NoiseLevel, TwoColorField, clean_with, render_to,
+};
 
 #[test]
 fn a_lost_device_leaves_the_rest_to_the_cpu() {
@@ -37,6 +39,25 @@ fn a_lost_device_leaves_the_rest_to_the_cpu() {
         fit(&gpu, &small, &params, &Progress::none()).unwrap(),
         expected
     );
+}
+
+#[test]
+fn a_device_that_is_lost_while_it_cleans_leaves_the_rest_to_the_cpu() {
+    let Some(gpu) = open() else { return };
+    let image = Image::from_fn(Size::new(900, 1400).unwrap(), |col, row| {
+        Srgb([(col * 7) as u8, (row * 5) as u8, (col + row) as u8])
+    });
+    let whole = Rect::of(image.size());
+    let (noise, params) = (NoiseLevel::uniform(8.0), CleanParams::default());
+    let none = Progress::none();
+    let expected = clean_with(&image, whole, &noise, &params, &none).unwrap();
+    let found = std::thread::scope(|scope| {
+        let work = scope.spawn(|| clean(&gpu, &image, whole, &noise, &params, &none));
+        std::thread::sleep(std::time::Duration::from_millis(400));
+        gpu.destroy();
+        work.join().unwrap().unwrap()
+    });
+    assert!(found == expected);
 }
 
 #[test]
