@@ -281,12 +281,12 @@ fn a_stroke_right_after_the_tool() {
 fn all_planes_of_a_track_are_on_the_plate_and_followed() {
     let folder = tempfile::tempdir().unwrap();
     let (truth, mut harness) = meadow(folder.path());
-    // the meadow stands still; the other plane, of a camera that pans, is wrong everywhere
+    // the meadow stands still; the other plane, of a camera that tilts, is wrong everywhere
     let maps = |speed: f64| -> Vec<[f64; 9]> {
-        let map = |index| [1.0, 0.0, speed * index as f64, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let map = |index| [1.0, 0.0, 0.0, 0.0, 1.0, speed * index as f64, 0.0, 0.0, 1.0];
         (0..FRAMES).map(map).collect()
     };
-    let planes = [0.0, 4.0].map(|speed| serde_json::json!({"frame_from_reference": maps(speed)}));
+    let planes = [0.0, -4.0].map(|speed| serde_json::json!({"frame_from_reference": maps(speed)}));
     let track = folder.path().join("track.json");
     let text = serde_json::json!({ "planes": planes }).to_string();
     std::fs::write(&track, text).unwrap();
