@@ -44,7 +44,7 @@ const WORDS: usize = 15;
 /// Threads of the refinement for a block: 16 for each of two lines.
 const REFINING_THREADS: usize = GROUP as usize / 2;
 
-/// Half of other planes: their running sums take four times as much.
+/// Pixels of a band: half of those of a plane, since their running sums take twice its bytes.
 const MAX_BAND_PIXELS: usize = MAX_PLANE_PIXELS / 2;
 
 #[repr(C)]
@@ -77,6 +77,11 @@ fn level_sides(side: usize) -> Vec<usize> {
         sides.push(last / 2);
     }
     sides
+}
+
+/// True if a row of blocks is small enough for a band.
+pub(crate) fn fits(width: usize, side: usize) -> bool {
+    width.div_ceil(side) * side * side <= MAX_BAND_PIXELS
 }
 
 /// Fits band after band and appends whole bands to `blocks`.

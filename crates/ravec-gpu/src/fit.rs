@@ -112,8 +112,8 @@ const PARTS: [&str; 5] = [
 
 /// The field of `image`: what [`TwoColorField::fit`] gives.
 ///
-/// Blocks of [`FITTED_SIDES`] are fitted exactly on the device, those of [`COARSE_TO_FINE_SIDES`] coarse to fine; other sides
-/// on the CPU. If the device is lost or
+/// Blocks of [`FITTED_SIDES`] are fitted exactly on the device, those of [`COARSE_TO_FINE_SIDES`] coarse to fine if a
+/// row of blocks has at most 2 million pixels; others on the CPU. If the device is lost or
 /// its memory exhausted, the CPU fits the rest, and [`Gpu::take_warnings`] says so.
 ///
 /// # Errors
@@ -136,7 +136,8 @@ pub fn fit<P: GpuPixel>(
     } else {
         &COARSE_TO_FINE_SIDES
     };
-    if !sides.contains(&side) || gpu.is_lost() {
+    let fits = is_exact || coarse_to_fine::fits(image.width(), side);
+    if !sides.contains(&side) || !fits || gpu.is_lost() {
         return TwoColorField::fit(image, params, progress);
     }
     let grid = image.size().cells(side);
