@@ -44,7 +44,7 @@ fn opaque_starts(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
     if (!takes(id, groups, 1.0)) {
         return;
     }
-    let energy = center();
+    let energy = center_opaque();
     begin_sweep();
     for (var sector = 0u; sector < SECTORS; sector++) {
         keep(sweep(sectors[sector], sectors[sector + 1u]), sector);

@@ -40,7 +40,7 @@ fn centered_pixel(i: u32) -> vec3<f32> {
 }
 
 // Finds the mean of an opaque block and returns the energy that is left without it.
-fn center() -> f32 {
+fn center_opaque() -> f32 {
     let inverse_count = 1.0 / f32(PIXELS);
     steps[0] = vec3(0.0);
     steps[1] = vec3(0.0);
@@ -87,7 +87,7 @@ fn sweep(first: u32, end: u32) -> Best {
 // The best split of an opaque block.
 fn best_split() -> Found {
     var found: Found;
-    found.energy = center();
+    found.energy = center_opaque();
     found.mean = steps[0] + steps[1];
     begin_sweep();
     found.event = sweep(0u, params.events).event;
