@@ -17,7 +17,7 @@ use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use crate::fit::{SweepBuffers, sweep_constants};
 use crate::upload::GpuPixel;
-use crate::work::{Pending, Run};
+use crate::work::{Pending, Run, rest_of};
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect};
 use ravec_twocolor::{
@@ -103,13 +103,7 @@ fn clean_region<P: GpuPixel>(
         Err(Stopped::Cancelled(cancelled)) => return Err(cancelled.into()),
         Err(Stopped::Failed(failure)) => {
             gpu.warn("cleaning", &failure);
-            let done = pixels.len() / region.width;
-            let rest = Rect::new(
-                region.col,
-                region.row + done,
-                region.width,
-                region.height - done,
-            );
+            let rest = rest_of(region, pixels.len() / region.width);
             let noise = noise.uncompressed();
             pixels.extend_from_slice(clean_with(image, rest, &noise, params, progress)?.pixels());
         }

@@ -165,7 +165,8 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         let by_source = |entry: &str, part: &str| -> Result<_, Failure> {
             let of = |from_image: bool| {
                 let constants = format!("const FROM_IMAGE: bool = {from_image};");
-                gpu.kernel(entry, &constants, &[EXACT, LEVELS, part])
+                let pixels = include_str!("shaders/coarse_pixels.wgsl");
+                gpu.kernel(entry, &constants, &[EXACT, LEVELS, pixels, part])
             };
             Ok([of(true)?, of(false)?])
         };

@@ -9,7 +9,7 @@ use crate::error::{Failure, Stopped};
 use crate::fit::{SweepBuffers, sweep_constants};
 use crate::plane::{Plane, PlaneColor, Planes};
 use crate::upload::{GpuPixel, source_constants};
-use crate::work::{Pending, Run};
+use crate::work::{Pending, Run, rest_of};
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect};
 use ravec_twocolor::{FilterError, Mode, OperatorParams, SweepTable, operate};
@@ -116,13 +116,7 @@ fn step<P: GpuPixel>(
         Err(Stopped::Cancelled(cancelled)) => return Err(cancelled.into()),
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the operator", &failure);
-            let done = pixels.len() / region.width;
-            let rest = Rect::new(
-                region.col,
-                region.row + done,
-                region.width,
-                region.height - done,
-            );
+            let rest = rest_of(region, pixels.len() / region.width);
             let once = OperatorParams {
                 iterations: 1,
                 ..params.clone()

@@ -3,6 +3,7 @@
 use crate::device::Gpu;
 use crate::error::{Failure, Stopped};
 use ravec_progress::Progress;
+use ravec_raster::Rect;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::mpsc;
@@ -297,6 +298,16 @@ pub(crate) fn bands(count: usize, rows: usize) -> impl Iterator<Item = Range<usi
     (0..count)
         .step_by(rows)
         .map(move |first| first..(first + rows).min(count))
+}
+
+/// The rows of `region` that are left after the first `done` ones.
+pub(crate) fn rest_of(region: Rect, done: usize) -> Rect {
+    Rect::new(
+        region.col,
+        region.row + done,
+        region.width,
+        region.height - done,
+    )
 }
 
 /// Numbers behind each other in the bytes of a buffer.

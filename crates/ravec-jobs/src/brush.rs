@@ -553,6 +553,7 @@ fn everywhere(
         operator.noise_sigma = Some(noise.typical());
     } else if let (Mode::Clean, Some(sigma)) = (operator.mode, operator.noise_sigma) {
         report.figures.insert("noise_sigma_steps", f64::from(sigma));
+        // `operate` refuses other values
         if is_plain && (0.0..=255.0).contains(&sigma) {
             return clean_on_device(image, &NoiseLevel::uniform(sigma), report, context);
         }

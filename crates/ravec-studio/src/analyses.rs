@@ -292,7 +292,7 @@ impl Drop for Analyses {
 /// Goes through documents until the analyses are dropped.
 fn work(shared: &Arc<Shared>, tracking: &Tracking) {
     // keys of runs that failed, so that these are not tried again and again
-    let mut failed: HashMap<EditId, String> = HashMap::new();
+    let mut failed: HashMap<EditId, Arc<str>> = HashMap::new();
     loop {
         let document = {
             let mut state = lock(&shared.state);
@@ -319,7 +319,7 @@ fn go_through(
     shared: &Arc<Shared>,
     tracking: &Tracking,
     document: &Document,
-    failed: &mut HashMap<EditId, String>,
+    failed: &mut HashMap<EditId, Arc<str>>,
 ) {
     let analyses = document.enabled().filter(|edit| is_found(edit));
     let analyses: Vec<_> = analyses.cloned().collect();
@@ -389,13 +389,66 @@ enum Outcome {
     Failed(String),
 }
 
+/// An analysis with the names that its results have in the context of the view.
+struct Job {
+    step: Step,
+    /// Of the result, and of the map of planes.
+    names: Vec<PathBuf>,
+    key: Arc<str>,
+    unmarked: Arc<str>,
+}
+
+impl Job {
+    fn new(edit: &Edit, resolved: Resolved, document: &Document) -> Result<Self, String> {
+        let name = match edit.operation.as_str() {
+            "track" => format!("@analysis-{}.json", edit.id),
+            _ => format!("@analysis-{}", edit.id),
+        };
+        let mut mapped = resolved.edit;
+        let mut names = vec![PathBuf::from(&name)];
+        mapped.fields.insert("output".to_owned(), name.into());
+        if edit.regions_output().is_some() {
+            let regions = format!("@analysis-{}-regions", edit.id);
+            names.push(PathBuf::from(&regions));
+            mapped.fields.insert("regions".to_owned(), regions.into());
+        }
+        let step = mapped.step(&document.source, &names[0])?;
+        let files = (step.operation().inputs().into_iter())
+            .filter(|path| !is_result_name(path))
+            .map(|path| source_key(path, None));
+        let files: Vec<String> = files.collect();
+        let rest = format!("{}\n{}", resolved.keys, files.join("\n"));
+        let key_of = |edit: &Edit| -> Arc<str> {
+            let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
+            format!("{fields}\n{rest}").into()
+        };
+        Ok(Self {
+            step,
+            names,
+            key: key_of(&mapped),
+            unmarked: key_of(&mapped.with_param("marks", Value::Null)),
+        })
+    }
+
+    /// The results, in the order of their names.
+    fn found(&self, mattes: Option<&FrameMattes>) -> Vec<Found> {
+        let found = |name: &PathBuf| Found {
+            key: self.key.clone(),
+            unmarked: self.unmarked.clone(),
+            name: name.clone(),
+            mattes: mattes.cloned(),
+        };
+        self.names.iter().map(found).collect()
+    }
+}
+
 /// Runs one analysis, unless its result is known.
 fn run(
     shared: &Arc<Shared>,
     tracking: &Tracking,
     document: &Document,
     edit: &Arc<Edit>,
-    failed: &mut HashMap<EditId, String>,
+    failed: &mut HashMap<EditId, Arc<str>>,
 ) -> Outcome {
     let before = document
         .edits
@@ -411,41 +464,18 @@ fn run(
     let Ok(resolved) = view.resolved(&edit.without_side_outputs(), document) else {
         return Outcome::Waits;
     };
-    let name = match edit.operation.as_str() {
-        "track" => PathBuf::from(format!("@analysis-{}.json", edit.id)),
-        _ => PathBuf::from(format!("@analysis-{}", edit.id)),
-    };
-    let mut mapped = resolved.edit;
-    let text = name.to_string_lossy().into_owned();
-    mapped.fields.insert("output".to_owned(), text.into());
-    let mut names = vec![name.clone()];
-    if edit.regions_output().is_some() {
-        let regions = format!("@analysis-{}-regions", edit.id);
-        names.push(PathBuf::from(&regions));
-        mapped.fields.insert("regions".to_owned(), regions.into());
-    }
-    let step = match mapped.step(&document.source, &name) {
-        Ok(step) => step,
+    let job = match Job::new(edit, resolved, document) {
+        Ok(job) => job,
         Err(reason) => return Outcome::Failed(reason),
     };
-    let fields = serde_json::to_string(&mapped.fields).unwrap_or_default();
-    let files = (step.operation().inputs().into_iter())
-        .filter(|path| !is_result_name(path))
-        .map(|path| source_key(path, None));
-    let files: Vec<String> = files.collect();
-    let rest = format!("{}\n{}", resolved.keys, files.join("\n"));
-    let key = format!("{fields}\n{rest}");
-    let unmarked = mapped.with_param("marks", Value::Null);
-    let unmarked = serde_json::to_string(&unmarked.fields).unwrap_or_default();
-    let unmarked = format!("{unmarked}\n{rest}");
     let is_known = |output: PathBuf| {
         let known = view.results.get(&output);
-        known.is_some_and(|known| *known.key == *key)
+        known.is_some_and(|known| known.key == job.key)
     };
     if outputs_of(edit).all(is_known) {
         return Outcome::Known;
     }
-    let is_known_failure = failed.get(&edit.id) == Some(&key);
+    let is_known_failure = failed.get(&edit.id) == Some(&job.key);
     if is_known_failure
         && let Some(AnalysisState::Failed(reason)) = lock(&shared.state).states.get(&edit.id)
     {
@@ -463,8 +493,10 @@ fn run(
     }
     (shared.repaint)();
     let context = view.context(&progress);
-    let done = match &step {
-        Step::Track(track) => tracked(track, edit, tracking, &name, &context).map(|()| None),
+    let done = match &job.step {
+        Step::Track(track) => {
+            tracked(track, edit, tracking, &job.names[0], &context).map(|()| None)
+        }
         Step::Matte(matte) => size_of(document, &context).and_then(|size| {
             let mut report = Report::new("matte", &());
             FrameMattes::open(matte, size, Spread::Clip, &mut report, &context).map(Some)
@@ -472,20 +504,11 @@ fn run(
         step => step.operation().run(&context).map(|_| None),
     };
     match done {
-        Ok(mattes) => {
-            let (key, unmarked): (Arc<str>, Arc<str>) = (key.into(), unmarked.into());
-            let found = names.into_iter().map(|name| Found {
-                key: key.clone(),
-                unmarked: unmarked.clone(),
-                name,
-                mattes: mattes.clone(),
-            });
-            Outcome::Found(found.collect())
-        }
+        Ok(mattes) => Outcome::Found(job.found(mattes.as_ref())),
         // a newer document is on its way, or the user has stopped it
         Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Later,
         Err(error) => {
-            failed.insert(edit.id, key);
+            failed.insert(edit.id, job.key);
             Outcome::Failed(match error {
                 JobError::Cancelled => "it was stopped".to_owned(),
                 error => error.to_string(),

@@ -283,4 +283,5 @@ fn the_demonstration_of_a_row() {
         folder.path(),
         "-q demo --image in.png --max-side 64 --out gallery",
     );
+    assert!(folder.path().join("gallery/index.html").is_file());
 }

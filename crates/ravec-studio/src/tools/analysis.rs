@@ -85,14 +85,23 @@ pub(super) fn take_regions(fields: &mut Map<String, Value>, document: &Document)
 
 /// A line for the map of planes of a plate: its name, and a button that takes that of this project.
 pub(super) fn regions_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
-    let known = desk.document.last_analysis("plate", Some(edit.id));
-    let output = known.and_then(|known| known.regions_output());
+    let plate = desk.document.last_analysis("plate", Some(edit.id));
+    let output = plate.and_then(|plate| plate.regions_output());
     let text = edit.text_field("regions");
     if output.is_none() && text.is_empty() {
         return None;
     }
     let help = "The map of a plate with several planes, along which the frame is followed";
-    line_ui(ui, edit, ("regions", "Planes", help), output)
+    let mut gesture = line_ui(ui, edit, ("regions", "Planes", help), output)?;
+    // the map numbers the planes of a track
+    if let Some(plate) = plate
+        && !gesture.edit.text_field("regions").is_empty()
+        && gesture.edit.text_field("track").is_empty()
+    {
+        let track = plate.text_field("track");
+        gesture.edit = gesture.edit.with_text_field("track", track);
+    }
+    Some(gesture)
 }
 
 /// A line for the name of a file; an empty one removes the field.

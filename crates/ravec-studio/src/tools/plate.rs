@@ -132,10 +132,10 @@ impl Tool for Plate {
 
 /// A box that puts all planes of the track on the plate.
 fn planes_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
-    if edit.text_field("track").is_empty() {
+    let mut has_all = edit.regions_output().is_some();
+    if !has_all && edit.text_field("track").is_empty() {
         return None;
     }
-    let mut has_all = edit.regions_output().is_some();
     let help = "Each pixel lies on the plane of the track along which the frames agree best; \
                 mattes and edits that take the map follow all planes";
     let changed = ui

@@ -105,7 +105,7 @@ pub fn clean_with<P: Color>(
     })
 }
 
-/// [`clean_with`] whose steps 1 to 5 another device takes: `clean_region` gets a part of the image and gives its cleaned pixels.
+/// [`clean_with`] with steps 1 to 5 computed by `clean_region`, which returns the cleaned pixels of a part of the image.
 ///
 /// # Errors
 /// As [`clean`], and those of `clean_region`.

@@ -11,7 +11,7 @@ use crate::split_table::SplitTable;
 use crate::sweep::{Batch, MAX_LANES, OPAQUE};
 use fearless_simd::prelude::*;
 
-/// How much of a window stands out of its noise, in the steps of the module above.
+/// Thresholds and shrinkage factors of the Wiener filter of a window.
 #[derive(Debug, Clone, Copy)]
 pub struct WindowShrinkage;
 
