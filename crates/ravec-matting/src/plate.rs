@@ -25,7 +25,6 @@ use crate::speckles::clear_specks;
 use crate::texture::{TextureCue, texture_cue};
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane, Rect, Size, gaussian_blur};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// χ² of three channels above which a pixel is foreground for certain, by itself and smoothed.
@@ -308,23 +307,20 @@ impl Part {
         let size = variance.size();
         let scale = light.sigma.map(|sigma| 1.0 / sigma);
         let mut difference = Plane::new(size, 0.0);
-        difference
-            .par_rows_mut()
-            .enumerate()
-            .for_each(|(row, out)| {
-                let (frame, plate, variance) =
-                    (input.frame.row(row), background.row(row), variance.row(row));
-                for (col, out) in out.iter_mut().enumerate() {
-                    let square: f32 = (0..3)
-                        .map(|c| ((frame[col][c] - plate[col][c]) * scale[c]).powi(2))
-                        .sum();
-                    *out = if square.is_finite() {
-                        (square / variance[col]).min(1e6)
-                    } else {
-                        0.0
-                    };
-                }
-            });
+        difference.for_each_row(|row, out| {
+            let (frame, plate, variance) =
+                (input.frame.row(row), background.row(row), variance.row(row));
+            for (col, out) in out.iter_mut().enumerate() {
+                let square: f32 = (0..3)
+                    .map(|c| ((frame[col][c] - plate[col][c]) * scale[c]).powi(2))
+                    .sum();
+                *out = if square.is_finite() {
+                    (square / variance[col]).min(1e6)
+                } else {
+                    0.0
+                };
+            }
+        });
         let smooth = gaussian_blur(&difference, 1.0);
         let mut bounds: Option<[usize; 4]> = None;
         let mut certain = false;
@@ -579,7 +575,7 @@ fn start_of(difference: &Plane, smooth: &Plane) -> Plane {
 fn largest_within(plane: &Plane, radius: usize) -> Plane {
     let size = plane.size();
     let mut across = plane.clone();
-    across.par_rows_mut().enumerate().for_each(|(row, out)| {
+    across.for_each_row(|row, out| {
         let line = plane.row(row);
         for offset in 1..=radius {
             for col in offset..line.len() {
@@ -589,7 +585,7 @@ fn largest_within(plane: &Plane, radius: usize) -> Plane {
         }
     });
     let mut both = across.clone();
-    both.par_rows_mut().enumerate().for_each(|(row, out)| {
+    both.for_each_row(|row, out| {
         for other in row.saturating_sub(radius)..(row + radius + 1).min(size.height()) {
             for (out, value) in out.iter_mut().zip(across.row(other)) {
                 *out = out.max(*value);

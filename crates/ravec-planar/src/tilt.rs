@@ -157,7 +157,7 @@ impl View {
             .collect();
         let sum: f32 = taps.iter().map(|tap| tap.1).sum();
         let mut view = Plane::new(frame.size, 0.0);
-        view.par_rows_mut().enumerate().for_each(|(row, line)| {
+        view.for_each_row(|row, line| {
             for (col, out) in line.iter_mut().enumerate() {
                 let at = linear * dvec2(col as f64 + 0.5, row as f64 + 0.5) + offset;
                 // beyond the corners of a turned picture there is its border, which has no features

@@ -9,10 +9,10 @@
 //! Guarantees: areas are exact to about 1e-9, also for polygons that cross or touch themselves. Cost: O(pixels + edge
 //! length in pixels) for polygons whose edges rarely share a row; k edges in a band are compared in pairs, O(k²).
 
+use crate::chunks::for_each_chunk;
 use crate::image::Plane;
 use crate::size::Size;
 use glam::DVec2;
-use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// Rows that share one search for their edges.
@@ -54,11 +54,11 @@ pub(crate) fn of_polygon(size: Size, rings: &[&[DVec2]]) -> Plane {
         .collect();
     let mut result = Plane::new(size, 0.0);
     let width = size.width();
-    result
-        .par_strips_mut(ROWS_PER_STRIP)
-        .enumerate()
-        .for_each(|(index, pixels)| {
-            let first = index * ROWS_PER_STRIP;
+    for_each_chunk(
+        result.pixels_mut(),
+        width * ROWS_PER_STRIP,
+        |first, pixels| {
+            let first = first / width;
             let end = first + pixels.len() / width;
             let near: Vec<Edge> = edges
                 .iter()
@@ -70,7 +70,8 @@ pub(crate) fn of_polygon(size: Size, rings: &[&[DVec2]]) -> Plane {
                 row_of_polygon(row as f64, &near, &mut line);
                 line.write(out);
             }
-        });
+        },
+    );
     result
 }
 
@@ -202,7 +203,7 @@ pub(crate) fn of_disc(size: Size, center: DVec2, radius_px: f64) -> Plane {
     if radius_px <= 0.0 {
         return result;
     }
-    result.par_rows_mut().enumerate().for_each(|(row, out)| {
+    result.for_each_row(|row, out| {
         let (top, bottom) = (row as f64 - center.y, row as f64 + 1.0 - center.y);
         for (col, pixel) in out.iter_mut().enumerate() {
             let (left, right) = (col as f64 - center.x, col as f64 + 1.0 - center.x);

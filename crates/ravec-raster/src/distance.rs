@@ -65,7 +65,7 @@ pub(crate) fn map_distance_sq<P: Pixel + Default>(
 /// The distance of each pixel to the nearest member of its own column.
 fn column_distances(size: Size, member: impl Fn(usize, usize) -> bool + Sync) -> Image<u32> {
     let mut distance = Image::new(size, NONE);
-    distance.par_rows_mut().enumerate().for_each(|(row, line)| {
+    distance.for_each_row(|row, line| {
         for (col, value) in line.iter_mut().enumerate() {
             if member(col, row) {
                 *value = 0;

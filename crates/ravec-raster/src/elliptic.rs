@@ -6,7 +6,6 @@
 
 use crate::average::Average;
 use crate::image::Image;
-use rayon::prelude::*;
 
 /// Variance below which a sampled gaussian is too coarse; three taps have it exactly.
 const MIN_SAMPLED_VARIANCE: f64 = 0.4;
@@ -166,7 +165,7 @@ fn weighed<P: Average>(image: &Image<P>, taps: &[Tap]) -> Image<P> {
     }
     let (width, height) = (image.width(), image.height());
     let mut result = Image::new(image.size(), P::ZERO);
-    result.par_rows_mut().enumerate().for_each(|(row, out)| {
+    result.for_each_row(|row, out| {
         for tap in taps {
             let line = image.row(row.saturating_add_signed(tap.row).min(height - 1));
             // columns whose tap lies in the image

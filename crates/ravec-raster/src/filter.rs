@@ -16,6 +16,7 @@
 //! Cost: O(σ) a pixel; memory one strip of at most 24σ + 64 rows a thread beside the result.
 
 use crate::average::Average;
+use crate::chunks::for_each_chunk;
 use crate::image::{Image, Plane};
 use rayon::prelude::*;
 
@@ -54,35 +55,31 @@ pub fn gaussian_blur<P: Average>(image: &Image<P>, sigma_px: f64) -> Image<P> {
     // with wide kernels, higher strips keep the repeated part of the horizontal pass below a half
     let strip_rows = STRIP_ROWS.max(4 * reach);
     let mut result = Image::new(image.size(), P::ZERO);
-    result
-        .par_strips_mut(strip_rows)
-        .enumerate()
-        .for_each(|(index, pixels)| {
-            let first = index * strip_rows;
-            let rows = pixels.len() / width;
-            let above = first.saturating_sub(reach);
-            let below = (first + rows + reach).min(height);
-            let mut wide = vec![0.0; (below - above) * row_len];
-            let mut padded = Vec::with_capacity((width + 2 * reach) * P::CHANNELS);
-            for (out, row) in wide.chunks_exact_mut(row_len).zip(above..below) {
-                pad(image.row(row), reach, &mut padded);
-                weigh(out, &kernel, |tap| {
-                    let step = tap * P::CHANNELS;
-                    let center = reach * P::CHANNELS;
-                    (&padded[center - step..], &padded[center + step..])
-                });
-            }
-            let line =
-                |row: usize| &wide[(row.clamp(above, below - 1) - above) * row_len..][..row_len];
-            for (out, row) in P::numbers_mut(pixels)
-                .chunks_exact_mut(row_len)
-                .zip(first..)
-            {
-                weigh(out, &kernel, |tap| {
-                    (line(row.saturating_sub(tap)), line(row + tap))
-                });
-            }
-        });
+    for_each_chunk(result.pixels_mut(), width * strip_rows, |first, pixels| {
+        let first = first / width;
+        let rows = pixels.len() / width;
+        let above = first.saturating_sub(reach);
+        let below = (first + rows + reach).min(height);
+        let mut wide = vec![0.0; (below - above) * row_len];
+        let mut padded = Vec::with_capacity((width + 2 * reach) * P::CHANNELS);
+        for (out, row) in wide.chunks_exact_mut(row_len).zip(above..below) {
+            pad(image.row(row), reach, &mut padded);
+            weigh(out, &kernel, |tap| {
+                let step = tap * P::CHANNELS;
+                let center = reach * P::CHANNELS;
+                (&padded[center - step..], &padded[center + step..])
+            });
+        }
+        let line = |row: usize| &wide[(row.clamp(above, below - 1) - above) * row_len..][..row_len];
+        for (out, row) in P::numbers_mut(pixels)
+            .chunks_exact_mut(row_len)
+            .zip(first..)
+        {
+            weigh(out, &kernel, |tap| {
+                (line(row.saturating_sub(tap)), line(row + tap))
+            });
+        }
+    });
     result
 }
 

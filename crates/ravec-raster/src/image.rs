@@ -1,5 +1,6 @@
 //! The image: a rectangle of pixels of one type.
 
+use crate::chunks::for_each_chunk;
 use crate::pixel::{Color, Pixel, Sample, Srgb, Srgba};
 use crate::size::{Size, SizeError};
 use rayon::prelude::*;
@@ -22,6 +23,9 @@ pub struct Image<P> {
     size: Size,
     pixels: Vec<P>,
 }
+
+/// Pixels of a task of [`Image::map`]: large enough that starting it costs nothing beside the work.
+const MAP_CHUNK: usize = 4096;
 
 /// A single channel of reals: a luminance, a gradient, a weight.
 pub type Plane = Image<f32>;
@@ -124,6 +128,23 @@ impl<P: Pixel> Image<P> {
         self.pixels.par_chunks_exact_mut(width)
     }
 
+    /// Calls `work(row, pixels)` for every row, in parallel.
+    ///
+    /// ```
+    /// use ravec_raster::{Plane, Size};
+    ///
+    /// let mut ramp = Plane::new(Size::new(3, 5)?, 0.0);
+    /// ramp.for_each_row(|row, pixels| pixels.fill(row as f32));
+    /// assert_eq!(ramp.row(4), [4.0; 3]);
+    /// # Ok::<(), ravec_raster::SizeError>(())
+    /// ```
+    pub fn for_each_row(&mut self, work: impl Fn(usize, &mut [P]) + Sync) {
+        let width = self.width();
+        for_each_chunk(&mut self.pixels, width, |first, pixels| {
+            work(first / width, pixels);
+        });
+    }
+
     /// Strips of `rows` rows (the last may be lower), to be written by several threads.
     ///
     /// # Panics
@@ -148,14 +169,15 @@ impl<P: Pixel> Image<P> {
 
     /// The image with `f` applied to each pixel, in parallel.
     pub fn map<Q: Pixel>(&self, f: impl Fn(P) -> Q + Sync + Send) -> Image<Q> {
+        let mut pixels = bytemuck::zeroed_vec(self.pixels.len());
+        for_each_chunk(&mut pixels, MAP_CHUNK, |first, chunk| {
+            for (target, &pixel) in chunk.iter_mut().zip(&self.pixels[first..]) {
+                *target = f(pixel);
+            }
+        });
         Image {
             size: self.size,
-            pixels: self
-                .pixels
-                .par_iter()
-                .with_min_len(4096)
-                .map(|&pixel| f(pixel))
-                .collect(),
+            pixels,
         }
     }
 

@@ -84,6 +84,7 @@
 
 mod any;
 mod average;
+mod chunks;
 pub mod color;
 mod coverage;
 mod delta_e;

@@ -9,6 +9,7 @@
 //! Cost: O(pixels); memory 4 bytes a pixel and one strip a thread beside the pictures. Differing colors cost most, by
 //! CIEDE2000.
 
+use crate::chunks::for_each_chunk;
 use crate::color::{linear_from_srgb, srgb_from_linear};
 use crate::delta_e::{ciede2000, delta_e_oklab, lab_from_linear};
 use crate::image::{Image, Plane};
@@ -185,23 +186,20 @@ pub fn ssim_map<A: Color, B: Color>(a: &Image<A>, b: &Image<B>) -> Result<Plane,
     check_sizes(a, b)?;
     let (width, height) = (a.width(), a.height());
     let mut result = Plane::new(a.size(), 0.0);
-    result
-        .par_strips_mut(ROWS_PER_STRIP)
-        .enumerate()
-        .for_each(|(index, out)| {
-            let first = index * ROWS_PER_STRIP;
-            let halo = Halo::around(first, out.len() / width, height);
-            let (mut seen_a, mut seen_b) = (SeenRow::new(width), SeenRow::new(width));
-            let mut slab = Slab::new(width);
-            for row in halo.above..halo.below {
-                seen_a.read(a.row(row));
-                seen_b.read(b.row(row));
-                slab.push(&seen_a.luma, &seen_b.luma);
-            }
-            for (row, out) in (first..).zip(out.chunks_exact_mut(width)) {
-                slab.similarity(row - halo.above, out);
-            }
-        });
+    for_each_chunk(result.pixels_mut(), width * ROWS_PER_STRIP, |first, out| {
+        let first = first / width;
+        let halo = Halo::around(first, out.len() / width, height);
+        let (mut seen_a, mut seen_b) = (SeenRow::new(width), SeenRow::new(width));
+        let mut slab = Slab::new(width);
+        for row in halo.above..halo.below {
+            seen_a.read(a.row(row));
+            seen_b.read(b.row(row));
+            slab.push(&seen_a.luma, &seen_b.luma);
+        }
+        for (row, out) in (first..).zip(out.chunks_exact_mut(width)) {
+            slab.similarity(row - halo.above, out);
+        }
+    });
     Ok(result)
 }
 

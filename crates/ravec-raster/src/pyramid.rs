@@ -75,7 +75,7 @@ pub fn halved<P: Average>(image: &Image<P>, reduction: Reduction) -> Image<P> {
     let size: Size = image.size().cells(2);
     let mut result = Image::new(size, P::ZERO);
     match reduction {
-        Reduction::Area => result.par_rows_mut().enumerate().for_each(|(row, out)| {
+        Reduction::Area => result.for_each_row(|row, out| {
             // an odd last row or column stands twice, which leaves its mean as it is
             let upper = image.row(2 * row);
             let lower = image.row((2 * row + 1).min(height - 1));

@@ -132,7 +132,7 @@ fn nearest<P: Pixel>(image: &Image<P>, size: Size) -> Image<P> {
         .map(|col| at(col, size.width(), image.width()))
         .collect();
     let mut result = Image::new(size, image.pixels()[0]);
-    result.par_rows_mut().enumerate().for_each(|(row, out)| {
+    result.for_each_row(|row, out| {
         let source = image.row(at(row, size.height(), image.height()));
         for (pixel, &col) in out.iter_mut().zip(&cols) {
             *pixel = source[col];

@@ -6,6 +6,7 @@
 //! Guarantees: cancellation is checked before each strip; after [`Cancelled`] the image holds a mixture of finished
 //! and untouched strips and should be dropped. Does not guarantee: any order in which strips are worked on.
 
+use crate::chunks::try_for_each_chunk;
 use crate::image::Image;
 use crate::pixel::Pixel;
 use ravec_progress::{Cancelled, Phase, Progress};
@@ -46,15 +47,16 @@ pub fn for_each_strip<P: Pixel>(
     work: impl Fn(usize, &mut [P]) + Sync,
 ) -> Result<(), Cancelled> {
     let width = image.width();
-    image
-        .par_strips_mut(rows_per_strip)
-        .enumerate()
-        .try_for_each(|(index, pixels)| {
+    try_for_each_chunk(
+        image.pixels_mut(),
+        width * rows_per_strip,
+        |first, pixels| {
             progress.check()?;
-            work(index * rows_per_strip, pixels);
+            work(first / width, pixels);
             phase.advance((pixels.len() / width) as u64);
             Ok(())
-        })
+        },
+    )
 }
 
 /// The results of `work(rows)` for each strip of `rows_per_strip` out of `height` rows, from the top. `phase` is

@@ -5,7 +5,6 @@
 
 use crate::random::Seed;
 use ravec_raster::{Image, LinearRgb, Srgb};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Adds Gaussian noise of standard deviation `sigma` (in 8-bit steps) to each encoded sample by itself, then rounds and
@@ -111,14 +110,11 @@ fn damage<P: ravec_raster::Pixel>(
     f: impl Fn(P, i64, i64) -> P + Sync,
 ) -> Image<P> {
     let mut damaged = image.clone();
-    damaged
-        .par_rows_mut()
-        .enumerate()
-        .for_each(|(row, pixels)| {
-            for (col, pixel) in pixels.iter_mut().enumerate() {
-                *pixel = f(*pixel, col as i64, row as i64);
-            }
-        });
+    damaged.for_each_row(|row, pixels| {
+        for (col, pixel) in pixels.iter_mut().enumerate() {
+            *pixel = f(*pixel, col as i64, row as i64);
+        }
+    });
     damaged
 }
 

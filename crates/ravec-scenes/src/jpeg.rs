@@ -56,15 +56,12 @@ pub fn add_jpeg_damage(image: &Image<Srgb<u8>>, params: &JpegParams) -> Image<Sr
     };
     let (cb, cr) = (chroma(&cb), chroma(&cr));
     let mut decoded = image.clone();
-    decoded
-        .par_rows_mut()
-        .enumerate()
-        .for_each(|(row, pixels)| {
-            for (col, pixel) in pixels.iter_mut().enumerate() {
-                let at = (col, row);
-                *pixel = Srgb(rgb_from_ycc([luma[at], cb[at], cr[at]]));
-            }
-        });
+    decoded.for_each_row(|row, pixels| {
+        for (col, pixel) in pixels.iter_mut().enumerate() {
+            let at = (col, row);
+            *pixel = Srgb(rgb_from_ycc([luma[at], cb[at], cr[at]]));
+        }
+    });
     decoded
 }
 

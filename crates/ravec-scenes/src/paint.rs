@@ -21,7 +21,7 @@ pub(crate) fn center(col: usize, row: usize) -> DVec2 {
 /// A picture whose pixel `(col, row)` is `color_at(center of the pixel)`.
 pub(crate) fn paint(size: Size, color_at: impl Fn(DVec2) -> Vec3 + Sync) -> Image<LinearRgb> {
     let mut image = Image::new(size, LinearRgb([0.0; 3]));
-    image.par_rows_mut().enumerate().for_each(|(row, pixels)| {
+    image.for_each_row(|row, pixels| {
         for (col, pixel) in pixels.iter_mut().enumerate() {
             *pixel = LinearRgb(color_at(center(col, row)).to_array());
         }

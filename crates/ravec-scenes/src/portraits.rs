@@ -10,7 +10,6 @@ use crate::shapes::{Shape, ShapesTruth};
 use crate::texture::fractal;
 use glam::{DVec2, Vec3, dvec2};
 use ravec_raster::{Image, LinearRgb, Size};
-use rayon::iter::{IndexedParallelIterator as _, ParallelIterator as _};
 
 /// Colors that no ground has.
 const PALETTE: [u32; 6] = [0xc8201e, 0x1f4fa8, 0x1d7a3c, 0x8b2a9b, 0x16181f, 0xb86a00];
@@ -24,7 +23,7 @@ pub fn portraits(size: Size, seed: Seed) -> (Image<LinearRgb>, ShapesTruth) {
     // grains of about a hundredth of the picture; those of half the size are half as strong
     let grain = seed.between(0, 0, 1, 60.0, 110.0);
     let roughness = seed.between(0, 0, 2, 0.25, 0.45);
-    image.par_rows_mut().enumerate().for_each(|(row, pixels)| {
+    image.for_each_row(|row, pixels| {
         for (col, pixel) in pixels.iter_mut().enumerate() {
             let p = center(col, row);
             let q = p / scale;

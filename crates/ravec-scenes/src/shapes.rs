@@ -12,7 +12,6 @@ use crate::stage::film;
 use crate::texture::{fractal, grass, smoothstep};
 use glam::{DVec2, DVec3, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
-use rayon::iter::{IndexedParallelIterator as _, ParallelIterator as _};
 use serde::{Deserialize, Serialize};
 
 /// One shape; lengths in pixels, colors in linear light.
@@ -120,7 +119,7 @@ pub fn shapes(size: Size, seed: Seed) -> (Image<LinearRgb>, ShapesTruth) {
     let truth = layout(size, seed);
     let mut image = landscape(size, seed.fork(50));
     let shapes = &truth.shapes;
-    image.par_rows_mut().enumerate().for_each(|(row, pixels)| {
+    image.for_each_row(|row, pixels| {
         for (col, pixel) in pixels.iter_mut().enumerate() {
             let p = crate::paint::center(col, row);
             let mut color = Vec3::from_array(pixel.0);

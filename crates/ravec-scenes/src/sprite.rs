@@ -6,7 +6,6 @@ use crate::random::Seed;
 use crate::texture::{fractal, smoothstep};
 use glam::{DVec2, Vec3};
 use ravec_raster::{Image, LinearRgba, Size};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// The outline of the leaf: the intersection of two discs.
@@ -48,7 +47,7 @@ pub fn sprite(size: Size, seed: Seed) -> (Image<LinearRgba>, SpriteTruth) {
         softness_px: (0.02 * unit).max(1.0),
     };
     let mut image = Image::new(size, LinearRgba([0.0; 4]));
-    image.par_rows_mut().enumerate().for_each(|(row, pixels)| {
+    image.for_each_row(|row, pixels| {
         for (col, pixel) in pixels.iter_mut().enumerate() {
             let p = center(col, row);
             let alpha = truth.alpha(p);

@@ -267,8 +267,7 @@ fn blend_rows<P: Color>(
     result: &mut Image<LinearRgba>,
     strength: f32,
 ) {
-    use rayon::prelude::*;
-    result.par_rows_mut().enumerate().for_each(|(y, row)| {
+    result.for_each_row(|y, row| {
         let source = &image.row(region.row + y)[region.col..];
         for (out, pixel) in row.iter_mut().zip(source) {
             *out = mixed(pixel.to_linear(), *out, strength);

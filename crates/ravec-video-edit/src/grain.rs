@@ -5,7 +5,6 @@
 
 use crate::Colors;
 use ravec_raster::{Image, Plane};
-use rayon::prelude::*;
 
 /// Side of a block, in pixels.
 const BLOCK_PX: usize = 12;
@@ -29,7 +28,7 @@ pub(crate) fn grain(
     let free = |col: usize, row: usize| needed[(col, row)] <= 0.0 && known[(col, row)] > 0.99;
     let sigma = deviations(frame, background, &free);
     let mut grain = Colors::new(size, [0.0; 3]);
-    grain.par_rows_mut().enumerate().for_each(|(row, grain)| {
+    grain.for_each_row(|row, grain| {
         let mut source: Option<(usize, Option<(usize, usize)>)> = None;
         for (col, grain) in grain.iter_mut().enumerate() {
             if needed[(col, row)] <= 0.0 {

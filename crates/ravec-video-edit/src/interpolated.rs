@@ -5,7 +5,6 @@ use crate::Colors;
 use glam::{DVec2, DVec3};
 use ravec_planar::Homography;
 use ravec_raster::{Image, Mask, Size};
-use rayon::prelude::*;
 use std::sync::LazyLock;
 
 /// Pixels that the kernel reads along each axis.
@@ -49,7 +48,7 @@ pub fn interpolated(
     let excluded = mask.map(|mask| touched(mask, colors.size()));
     let matrix = image_from_output.matrix();
     let mut output = Image::new(size, [0.0; 4]);
-    output.par_rows_mut().enumerate().for_each(|(row, out)| {
+    output.for_each_row(|row, out| {
         let start = matrix * DVec3::new(0.5, row as f64 + 0.5, 1.0);
         for (col, out) in out.iter_mut().enumerate() {
             let at = start + matrix.x_axis * col as f64;

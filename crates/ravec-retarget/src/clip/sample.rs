@@ -2,7 +2,6 @@
 
 use crate::importance::barrier_size;
 use ravec_raster::{AnyImage, Color, Image, LinearRgba, Oklab, with_image};
-use rayon::prelude::*;
 
 /// A measured frame.
 #[derive(Debug, Clone)]
@@ -31,7 +30,7 @@ fn reduced<P: Color>(image: &Image<P>) -> Image<Oklab> {
         .map(|col| first(col, cols, image.width()))
         .collect();
     let mut result = Image::new(size, Oklab([0.0; 3]));
-    result.par_rows_mut().enumerate().for_each(|(row, out)| {
+    result.for_each_row(|row, out| {
         let top = first(row, rows, image.height());
         let bottom = first(row + 1, rows, image.height());
         let mut sums = vec![[0.0f32; 3]; cols];

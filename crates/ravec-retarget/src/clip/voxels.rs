@@ -138,7 +138,7 @@ fn carried(small: &Image<Oklab>, sample_from_reference: &glam::DMat3, frame: Siz
     let (width, height) = (small.width() as f64, small.height() as f64);
     let scale = glam::dvec2(frame.width() as f64 / width, frame.height() as f64 / height);
     let mut result = small.clone();
-    result.par_rows_mut().enumerate().for_each(|(row, out)| {
+    result.for_each_row(|row, out| {
         for (col, out) in out.iter_mut().enumerate() {
             let middle = glam::dvec2(col as f64 + 0.5, row as f64 + 0.5);
             let at = mapped(sample_from_reference, middle * scale).map(|at| at / scale);

@@ -16,7 +16,6 @@ use crate::clip::shape::{Disc, disc_in_frame, ring_in_frame};
 use crate::paint::paint_adaptive;
 use glam::{DMat3, DVec2, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// A long straight line on the plane.
@@ -224,7 +223,7 @@ impl World {
             let size = Size::new(fine.width() / 2, fine.height() / 2)
                 .expect("the largest level is a multiple of the smallest texel");
             let mut coarse = Image::new(size, LinearRgb([0.0; 3]));
-            coarse.par_rows_mut().enumerate().for_each(|(row, pixels)| {
+            coarse.for_each_row(|row, pixels| {
                 let (upper, lower) = (fine.row(2 * row), fine.row(2 * row + 1));
                 for (col, pixel) in pixels.iter_mut().enumerate() {
                     let sum = [
@@ -247,7 +246,7 @@ impl World {
         let texel_from_frame =
             DMat3::from_scale(DVec2::splat(self.texels_per_px)) * frame_from_world.inverse();
         let mut image = Image::new(size, LinearRgb([0.0; 3]));
-        image.par_rows_mut().enumerate().for_each(|(row, pixels)| {
+        image.for_each_row(|row, pixels| {
             for (col, pixel) in pixels.iter_mut().enumerate() {
                 let p = crate::paint::center(col, row);
                 *pixel = LinearRgb(self.pixel(&texel_from_frame, p).to_array());

@@ -98,7 +98,7 @@ impl Compression {
         let height = size.height().min(PROBE_SIDE);
         let [left, top] = [(size.width() - width) / 2, (size.height() - height) / 2];
         let mut part = Plane::new(Size::new(width, height).ok()?, 0.0);
-        part.par_rows_mut().enumerate().for_each(|(row, part)| {
+        part.for_each_row(|row, part| {
             let mut run = vec![LinearRgba::default(); width];
             image.read_linear(top + row, left, &mut run);
             for (part, &pixel) in part.iter_mut().zip(&run) {

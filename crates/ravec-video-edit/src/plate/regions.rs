@@ -131,7 +131,7 @@ fn averaged(plane: &Plane, radius: usize) -> Plane {
             }
         });
     let mut result = Plane::new(plane.size(), 0.0);
-    result.par_rows_mut().enumerate().for_each(|(row, out)| {
+    result.for_each_row(|row, out| {
         let range = window(row, height);
         let scale = 1.0 / range.len() as f32;
         for row in range {

@@ -1,0 +1,61 @@
+//! Parallel loops over chunks of pixels, compiled once for all types of pixels and all bodies.
+//!
+//! An instance of a parallel iterator is about ten thousand lines of intermediate code, and a program maps pictures in hundreds of
+//! places. Here pixels pass the iterator as bytes and the body as a reference, which costs a call a chunk and a third of the time
+//! of a build.
+
+use crate::pixel::Pixel;
+use ravec_progress::Cancelled;
+use rayon::prelude::*;
+
+/// Calls `work(first, chunk)` in parallel for each chunk of `length` pixels (the last may be shorter); `first` is the index of the
+/// first pixel of the chunk.
+///
+/// # Panics
+/// If `length` is 0.
+pub(crate) fn for_each_chunk<P: Pixel>(
+    pixels: &mut [P],
+    length: usize,
+    work: impl Fn(usize, &mut [P]) + Sync,
+) {
+    let bytes = bytemuck::cast_slice_mut(pixels);
+    bytes_in_parallel(bytes, length * size_of::<P>(), &|index, chunk| {
+        work(index * length, bytemuck::cast_slice_mut(chunk));
+    });
+}
+
+/// [`for_each_chunk`] for work that can be cancelled: no chunk is begun after one was.
+///
+/// # Errors
+/// [`Cancelled`] if a chunk's work was.
+///
+/// # Panics
+/// If `length` is 0.
+pub(crate) fn try_for_each_chunk<P: Pixel>(
+    pixels: &mut [P],
+    length: usize,
+    work: impl Fn(usize, &mut [P]) -> Result<(), Cancelled> + Sync,
+) -> Result<(), Cancelled> {
+    let bytes = bytemuck::cast_slice_mut(pixels);
+    try_bytes_in_parallel(bytes, length * size_of::<P>(), &|index, chunk| {
+        work(index * length, bytemuck::cast_slice_mut(chunk))
+    })
+}
+
+fn bytes_in_parallel(bytes: &mut [u8], length: usize, work: &(dyn Fn(usize, &mut [u8]) + Sync)) {
+    bytes
+        .par_chunks_mut(length)
+        .enumerate()
+        .for_each(|(index, chunk)| work(index, chunk));
+}
+
+fn try_bytes_in_parallel(
+    bytes: &mut [u8],
+    length: usize,
+    work: &(dyn Fn(usize, &mut [u8]) -> Result<(), Cancelled> + Sync),
+) -> Result<(), Cancelled> {
+    bytes
+        .par_chunks_mut(length)
+        .enumerate()
+        .try_for_each(|(index, chunk)| work(index, chunk))
+}
