@@ -14,9 +14,10 @@ Options have the names, ranges and defaults of the command line. Those that are 
 :class:`Error`, each with one sentence that says what, where and what to do. Work runs on all cores
 with the interpreter unlocked, stops at Ctrl-C, and reports its progress to ``progress``: ``True``
 for a bar of tqdm, or a callable that takes the phase, the units that are done and their total.
+:func:`set_device` moves two-color pixels and warps to a GPU.
 """
 
-from ._options import Picture
+from ._options import Picture, set_device
 from ._ravec import OPERATIONS, Error, __version__, set_threads
 from .clips import Clip, Plate, Track
 from .completion import FragmentIndex, Retouch, complete
@@ -72,6 +73,7 @@ __all__ = [
     "rectify",
     "retarget",
     "run",
+    "set_device",
     "set_threads",
     "sharpen",
     "smooth",

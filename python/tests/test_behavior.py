@@ -183,3 +183,33 @@ def test_types_are_checked() -> None:
     options = ["--no-incremental", "--config-file", str(root / "pyproject.toml")]
     output, errors, code = mypy.run([*options, str(root / "ravec"), str(root / "tests" / "typed_example.py")])
     assert code == 0, output + errors
+
+
+def test_a_gpu_fits_and_cleans_to_the_same_bits(picture: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="cpu"):
+        ravec.set_device("no such adapter")
+    fitted, cleaned = ravec.twocolor(picture, whole_pixels=True), ravec.clean(picture)
+    narrow, turned = ravec.retarget(picture, 30, 32), ravec.Homography([[0, -1, 32], [1, 0, 0], [0, 0, 1]])
+    straight = turned.warp(picture, 32, 48)
+    try:
+        adapter = ravec.set_device("llvmpipe")
+    except ValueError as error:
+        pytest.skip(f"KERNELS FOR GPUS ARE NOT TESTED: {error}")
+    try:
+        assert adapter is not None and "llvmpipe" in adapter
+        for name, values in ravec.twocolor(picture, whole_pixels=True).blocks().items():
+            assert np.array_equal(values, fitted.blocks()[name], equal_nan=True), name
+        assert np.array_equal(ravec.clean(picture), cleaned)
+        # renderings and warps may differ by a step
+        for there, here in [
+            (ravec.twocolor(picture, whole_pixels=True).render(2), fitted.render(2)),
+            (ravec.retarget(picture, 30, 32), narrow),
+            (turned.warp(picture, 32, 48), straight),
+        ]:
+            assert np.abs(there.astype(int) - here.astype(int)).max() <= 1
+        # nothing was left to the CPU
+        recipe = {"operation": "twocolor", "input": "@in", "output": "@out"}
+        report = ravec.run(recipe, {"@in": picture}).report
+        assert "warnings" not in report or not any("CPU" in text for text in report["warnings"])
+    finally:
+        assert ravec.set_device("cpu") is None

@@ -71,17 +71,30 @@ impl Device {
         None
     }
 
-    /// Records what the CPU had to do instead of the device.
-    pub(crate) fn report_warnings(&self, report: &mut Report) {
+    /// Takes the warnings of work that the CPU had to do instead of the device, which each clone may have caused.
+    pub fn take_warnings(&self) -> Vec<String> {
         #[cfg(feature = "gpu")]
-        for warning in self.gpu.iter().flat_map(|gpu| gpu.take_warnings()) {
-            report.warn(warning);
-        }
+        return self
+            .gpu
+            .iter()
+            .flat_map(|gpu| gpu.take_warnings())
+            .collect();
         #[cfg(not(feature = "gpu"))]
-        let _ = report;
+        Vec::new()
     }
 
-    pub(crate) fn fit(
+    /// Records what the CPU had to do instead of the device.
+    pub(crate) fn report_warnings(&self, report: &mut Report) {
+        for warning in self.take_warnings() {
+            report.warn(warning);
+        }
+    }
+
+    /// Fits two-color pixels, to the bits of [`TwoColorField::fit`].
+    ///
+    /// # Errors
+    /// As [`TwoColorField::fit`].
+    pub fn fit(
         &self,
         image: &AnyImage,
         params: &FitParams,
@@ -94,7 +107,11 @@ impl Device {
         with_image!(image, image => TwoColorField::fit(image, params, progress))
     }
 
-    pub(crate) fn refine_lines(
+    /// Moves lines between pixel centers, as [`TwoColorField::refine_lines`] does.
+    ///
+    /// # Errors
+    /// As [`TwoColorField::refine_lines`].
+    pub fn refine_lines(
         &self,
         field: &mut TwoColorField,
         image: &AnyImage,
@@ -110,7 +127,10 @@ impl Device {
     }
 
     /// Renders a field so that it fills `size`, with its lines or as a plain mosaic.
-    pub(crate) fn render(
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    pub fn render(
         &self,
         field: &TwoColorField,
         size: Size,
@@ -129,7 +149,11 @@ impl Device {
         render_field(field, size, mosaic, progress)
     }
 
-    pub(crate) fn warp(
+    /// Warps a picture by the deformation of a retargeting, as [`Deformation::warp`] does.
+    ///
+    /// # Errors
+    /// As [`Deformation::warp`].
+    pub fn warp(
         &self,
         deformation: &Deformation,
         image: &AnyImage,
@@ -142,7 +166,11 @@ impl Device {
         with_image!(image, image => Ok(deformation.warp(image, progress)?.into()))
     }
 
-    pub(crate) fn warp_homography(
+    /// Warps a picture by a homography, as [`ravec::planar::warp`] does.
+    ///
+    /// # Errors
+    /// [`Cancelled`] soon after `progress` is cancelled.
+    pub fn warp_homography(
         &self,
         image: &Image<PremulLinearRgba>,
         image_from_output: &Homography,

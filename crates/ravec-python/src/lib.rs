@@ -9,6 +9,7 @@
 //! | `array` | NumPy arrays as pictures, and back in the samples that came in |
 //! | `mesh` | vertices and triangles as a mesh, and back |
 //! | `work` | the pool, interruption and progress |
+//! | `device` | the CPU or a GPU, for two-color pixels and warps |
 //! | `operation` | any operation and any recipe, with inputs and outputs in memory |
 //! | `pieces` | work in pieces that other processes run |
 //! | `twocolor`, `retarget`, `completion`, `planar` | what is prepared once and asked many times |
@@ -28,6 +29,7 @@
 
 mod array;
 mod completion;
+mod device;
 mod error;
 mod mesh;
 mod operation;
@@ -69,6 +71,7 @@ fn _ravec(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(main, module)?)?;
     module.add_function(wrap_pyfunction!(recipe_of, module)?)?;
     module.add_function(wrap_pyfunction!(array::png, module)?)?;
+    module.add_function(wrap_pyfunction!(device::set_device, module)?)?;
     module.add_function(wrap_pyfunction!(work::set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(operation::run_operation, module)?)?;
     module.add_function(wrap_pyfunction!(operation::run_recipe, module)?)?;

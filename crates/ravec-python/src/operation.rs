@@ -1,6 +1,7 @@
 //! Any operation, with inputs and outputs in memory.
 
 use crate::array::{self, PixelKind};
+use crate::device::device;
 use crate::error::{of_job, of_request};
 use crate::mesh::MeshData;
 use crate::pieces;
@@ -95,6 +96,7 @@ fn run(
 ) -> PyResult<Outcome> {
     let mut context = Context::default().with_intermediates();
     context.cluster = pieces::cluster(cluster)?;
+    context.device = device()?;
     let kind = insert(&context, inputs, color_space)?.unwrap_or(PixelKind::RGB8);
     let given = context.clone();
     let is_remote = context.cluster.is_some();

@@ -1,6 +1,7 @@
 //! Homographies from pairs of points.
 
 use crate::array::{self, PixelKind};
+use crate::device::{self, device};
 use crate::error::{of_request, of_task};
 use crate::work;
 use glam::{DMat3, DVec2};
@@ -78,18 +79,22 @@ pub fn warp(
     let size = array::result_size(width as f64, height as f64)?;
     let matrix = DMat3::from_cols_array(&matrix).transpose();
     let map = Homography::from_matrix(matrix).map_err(of_request)?;
+    let device = device()?;
+    let used = device.clone();
     let image = work::run(py, progress, move |progress| {
         let has_alpha = image.has_alpha();
         let pixels: Image<PremulLinearRgba> = image.convert();
         let opacity = if has_alpha { 0.0 } else { 1.0 };
         let beyond = Beyond::Pixel(PremulLinearRgba([0.0, 0.0, 0.0, opacity]));
-        let warped = ravec::planar::warp(&pixels, &map.inverse(), size, beyond, progress);
-        let warped = warped.map_err(of_task)?;
+        let warped = used
+            .warp_homography(&pixels, &map.inverse(), size, beyond, progress)
+            .map_err(of_task)?;
         Ok(if has_alpha {
             AnyImage::LinearAlpha(warped.convert())
         } else {
             AnyImage::Linear(warped.convert())
         })
     })?;
+    device::warn(py, &device)?;
     array::array(py, image, kind)
 }

@@ -1,6 +1,7 @@
 //! A picture that is analyzed once and asked for many sizes.
 
 use crate::array::{self, PixelKind};
+use crate::device::{self, device};
 use crate::error::{of_request, of_task};
 use crate::work;
 use pyo3::prelude::*;
@@ -76,13 +77,14 @@ impl Retargeter {
     ) -> PyResult<Py<PyAny>> {
         let size = array::result_size(width as f64, height as f64)?;
         let analyzed = Arc::clone(&self.analyzed);
+        let device = device()?;
+        let used = device.clone();
         let image = work::run(py, progress, move |progress| {
             let deformation = analyzed.retargeter.solve(size).map_err(raised)?;
-            let image: AnyImage = with_image!(&analyzed.image, image => {
-                deformation.warp(image, progress).map_err(raised)?.into()
-            });
-            Ok(image)
+            used.warp(&deformation, &analyzed.image, progress)
+                .map_err(raised)
         })?;
+        device::warn(py, &device)?;
         array::array(py, image, self.kind)
     }
 }

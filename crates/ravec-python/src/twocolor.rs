@@ -1,7 +1,8 @@
 //! Fields of two-color pixels.
 
 use crate::array::{self, PixelKind, Samples};
-use crate::error::{of_request, of_task};
+use crate::device::{self, device};
+use crate::error::{of_job, of_request, of_task};
 use crate::work;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -61,34 +62,38 @@ impl Field {
     ) -> PyResult<Self> {
         let linear = PixelKind::is_linear(&options.color_space)?;
         let (image, kind) = array::picture(image, linear)?;
+        let device = device()?;
+        let used = device.clone();
         let blocks = work::run(py, progress, move |progress| {
-            with_image!(&image, image => {
-                if options.adaptive {
-                    let params = AdaptiveParams {
-                        min_block_px: options.size,
-                        max_block_px: options.max_size,
-                        max_error: options.max_error,
-                        flat_contrast: options.flat_contrast,
-                    };
+            if options.adaptive {
+                let params = AdaptiveParams {
+                    min_block_px: options.size,
+                    max_block_px: options.max_size,
+                    max_error: options.max_error,
+                    flat_contrast: options.flat_contrast,
+                };
+                with_image!(&image, image => {
                     let mut field = AdaptiveField::fit(image, &params, progress).map_err(of_request)?;
                     if !options.whole_pixels {
                         field.refine_lines(image, progress).map_err(of_task)?;
                     }
                     Ok(Blocks::Adaptive(field))
-                } else {
-                    let params = FitParams {
-                        block_px: options.size,
-                        flat_contrast: options.flat_contrast,
-                        ..FitParams::default()
-                    };
-                    let mut field = TwoColorField::fit(image, &params, progress).map_err(of_request)?;
-                    if !options.whole_pixels {
-                        field.refine_lines(image, progress).map_err(of_task)?;
-                    }
-                    Ok(Blocks::Regular(field))
+                })
+            } else {
+                let params = FitParams {
+                    block_px: options.size,
+                    flat_contrast: options.flat_contrast,
+                    ..FitParams::default()
+                };
+                let mut field = used.fit(&image, &params, progress).map_err(of_request)?;
+                if !options.whole_pixels {
+                    used.refine_lines(&mut field, &image, progress)
+                        .map_err(|error| of_job(&error))?;
                 }
-            })
+                Ok(Blocks::Regular(field))
+            }
         })?;
+        device::warn(py, &device)?;
         Ok(Self {
             blocks: Arc::new(blocks),
             kind,
@@ -106,16 +111,18 @@ impl Field {
     ) -> PyResult<Py<PyAny>> {
         let blocks = Arc::clone(&self.blocks);
         let kind = self.kind;
+        let device = device()?;
+        let used = device.clone();
         let image = work::run(py, progress, move |progress| {
-            let image = with_blocks!(&*blocks, field => {
-                let size = scaled(ravec::twocolor::BlockField::image_size(field), scale)?;
-                let image = if mosaic {
-                    render_mosaic(field, size, progress)
-                } else {
-                    render_to(field, size, progress)
-                };
-                image.map_err(of_task)?
+            let size = with_blocks!(&*blocks, field => {
+                scaled(ravec::twocolor::BlockField::image_size(field), scale)?
             });
+            let image = match &*blocks {
+                Blocks::Regular(field) => used.render(field, size, mosaic, progress),
+                Blocks::Adaptive(field) if mosaic => render_mosaic(field, size, progress),
+                Blocks::Adaptive(field) => render_to(field, size, progress),
+            };
+            let image = image.map_err(of_task)?;
             // rounded here, where the interpreter is free
             Ok(match (kind.samples, kind.has_alpha()) {
                 (Samples::U8, false) => AnyImage::Srgb8(image.convert()),
@@ -126,6 +133,7 @@ impl Field {
                 (Samples::F32, true) => AnyImage::LinearAlpha(image),
             })
         })?;
+        device::warn(py, &device)?;
         array::array(py, image, self.kind)
     }
 

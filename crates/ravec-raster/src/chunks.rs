@@ -42,6 +42,9 @@ pub(crate) fn try_for_each_chunk<P: Pixel>(
     })
 }
 
+/// Work on the chunk of an index, which can be cancelled.
+type TryWork<'a> = dyn Fn(usize, &mut [u8]) -> Result<(), Cancelled> + Sync + 'a;
+
 fn bytes_in_parallel(bytes: &mut [u8], length: usize, work: &(dyn Fn(usize, &mut [u8]) + Sync)) {
     bytes
         .par_chunks_mut(length)
@@ -52,7 +55,7 @@ fn bytes_in_parallel(bytes: &mut [u8], length: usize, work: &(dyn Fn(usize, &mut
 fn try_bytes_in_parallel(
     bytes: &mut [u8],
     length: usize,
-    work: &(dyn Fn(usize, &mut [u8]) -> Result<(), Cancelled> + Sync),
+    work: &TryWork<'_>,
 ) -> Result<(), Cancelled> {
     bytes
         .par_chunks_mut(length)
