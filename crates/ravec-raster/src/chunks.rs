@@ -62,3 +62,43 @@ fn try_bytes_in_parallel(
         .enumerate()
         .try_for_each(|(index, chunk)| work(index, chunk))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    #[test]
+    fn each_pixel_is_in_one_chunk_and_knows_its_index() {
+        for count in [0, 1, 4, 5, 6, 9, 10, 1000] {
+            let mut pixels = vec![[0u16; 3]; count];
+            for_each_chunk(&mut pixels, 5, |first, chunk| {
+                assert!(first % 5 == 0 && chunk.len() == 5.min(count - first));
+                for (offset, pixel) in chunk.iter_mut().enumerate() {
+                    pixel[2] += (first + offset + 1) as u16;
+                }
+            });
+            let expected: Vec<_> = (1..=count).map(|index| [0, 0, index as u16]).collect();
+            assert_eq!(pixels, expected);
+        }
+    }
+
+    #[test]
+    fn no_chunk_is_begun_after_one_was_cancelled() {
+        let mut pixels = vec![0u8; 100_000];
+        let begun = AtomicUsize::new(0);
+        let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let result = one_thread.unwrap().install(|| {
+            try_for_each_chunk(&mut pixels, 10, |_, chunk| {
+                chunk.fill(1);
+                match begun.fetch_add(1, Ordering::Relaxed) {
+                    2 => Err(Cancelled),
+                    _ => Ok(()),
+                }
+            })
+        });
+        assert_eq!(result, Err(Cancelled));
+        assert_eq!(begun.into_inner(), 3);
+        assert_eq!(pixels.iter().filter(|&&pixel| pixel == 1).count(), 30);
+    }
+}

@@ -8,6 +8,9 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 
+/// Name and role of the pointer among the controls.
+const POINTER: &str = "Pointer";
+
 /// A control of the window.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Control {
@@ -21,6 +24,8 @@ pub struct Control {
     pub value: Option<String>,
     /// False if it cannot be used now.
     pub enabled: bool,
+    /// True if keys go to it.
+    pub focused: bool,
 }
 
 impl Control {
@@ -87,11 +92,12 @@ impl Plugin for Watcher {
         "controls"
     }
 
-    fn output_hook(&mut self, _context: &Context, output: &mut FullOutput) {
+    fn output_hook(&mut self, context: &Context, output: &mut FullOutput) {
         let Some(update) = &output.platform_output.accesskit_update else {
             return;
         };
-        let found = controls(update);
+        let mut found = controls(update);
+        found.extend(pointer(context));
         let mut list = crate::engine::lock(&self.controls.list);
         if *list == found {
             return;
@@ -124,6 +130,23 @@ fn writer(file: PathBuf) -> Sender<Vec<Control>> {
     sender
 }
 
+/// The pointer as a control of the name and role `Pointer`, with the value `down` while its first button is pressed: what a hand has done
+/// is in a frame before it does the next thing.
+fn pointer(context: &Context) -> Option<Control> {
+    let (at, is_down) = context.input(|input| {
+        let pointer = &input.pointer;
+        (pointer.latest_pos(), pointer.primary_down())
+    });
+    at.map(|at| Control {
+        name: POINTER.to_owned(),
+        role: POINTER.to_owned(),
+        place: [at.x, at.y, at.x, at.y],
+        value: Some(if is_down { "down" } else { "up" }.to_owned()),
+        enabled: true,
+        focused: false,
+    })
+}
+
 /// The named controls of a frame.
 fn controls(update: &TreeUpdate) -> Vec<Control> {
     let nodes: HashMap<NodeId, &Node> = update.nodes.iter().map(|(id, node)| (*id, node)).collect();
@@ -147,6 +170,7 @@ fn controls(update: &TreeUpdate) -> Vec<Control> {
                 place: [place.x0, place.y0, place.x1, place.y1].map(|value| value as f32),
                 value: node.value().map(str::to_owned).or(number),
                 enabled: !node.is_disabled(),
+                focused: id == update.focus,
             });
         }
     }
