@@ -1,16 +1,15 @@
 //! The device that computes two-color pixels and warps, for all work of the process.
 
-use crate::error::of_job;
+use crate::error::{of_job, of_request};
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use ravec_jobs::Device;
 use std::ffi::CString;
 use std::sync::{Mutex, PoisonError};
 
-/// A device, and the process that opened it: adapters do not survive a fork.
+/// A device, and the process that opened it: drivers do not survive a fork, and wait forever for threads that are gone.
 struct Opened {
     process: u32,
-    name: String,
     device: Device,
 }
 
@@ -19,33 +18,33 @@ static DEVICE: Mutex<Option<Opened>> = Mutex::new(None);
 /// Opens the device for work from now on, and returns its adapter and driver, or nothing for the CPU.
 #[pyfunction]
 pub fn set_device(py: Python<'_>, name: &str) -> PyResult<Option<String>> {
+    if name != "cpu" && is_forked() {
+        return Err(of_request(format!(
+            "cannot use the device `{name}`: this process was forked from one that had opened a device; start processes by `spawn`, or choose `cpu`"
+        )));
+    }
     py.detach(|| {
-        let opened = open(name)?;
-        let adapter = opened.device.adapter();
-        keep(opened);
+        let device = Device::open(name).map_err(|error| of_job(&error))?;
+        let adapter = device.adapter();
+        keep(device);
         Ok(adapter)
     })
 }
 
-/// The device that was chosen, or the CPU. A process that was forked opens its own.
+/// The device that was chosen, or the CPU. In a process that was forked from one with a device it is the CPU, with a `RuntimeWarning`.
 ///
 /// # Errors
-/// That of [`Device::open`] in a process that was forked.
-pub fn device() -> PyResult<Device> {
-    let forked = {
-        let opened = DEVICE.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*opened {
-            None => return Ok(Device::default()),
-            Some(opened) if opened.process == std::process::id() => {
-                return Ok(opened.device.clone());
-            }
-            Some(opened) => opened.name.clone(),
-        }
-    };
-    let opened = open(&forked)?;
-    let device = opened.device.clone();
-    keep(opened);
-    Ok(device)
+/// The warning itself where filters of Python make it an exception.
+pub fn device(py: Python<'_>) -> PyResult<Device> {
+    if is_forked() {
+        keep(Device::default());
+        let text =
+            c"this process was forked from one that had opened a device: the CPU does its work";
+        PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), text, 2)?;
+    }
+    let opened = DEVICE.lock().unwrap_or_else(PoisonError::into_inner);
+    let device = opened.as_ref().map(|opened| opened.device.clone());
+    Ok(device.unwrap_or_default())
 }
 
 /// Issues a `RuntimeWarning` for what the CPU had to do instead of the device.
@@ -60,20 +59,21 @@ pub fn warn(py: Python<'_>, device: &Device) -> PyResult<()> {
     Ok(())
 }
 
-fn open(name: &str) -> PyResult<Opened> {
-    Ok(Opened {
-        process: std::process::id(),
-        name: name.to_owned(),
-        device: Device::open(name).map_err(|error| of_job(&error))?,
+/// True if another process opened the device, and it is not the CPU.
+fn is_forked() -> bool {
+    let opened = DEVICE.lock().unwrap_or_else(PoisonError::into_inner);
+    opened.as_ref().is_some_and(|opened| {
+        opened.process != std::process::id() && opened.device.adapter().is_some()
     })
 }
 
 /// Replaces the device. One of another process is not closed: its driver's threads are not in this one.
-fn keep(opened: Opened) {
+fn keep(device: Device) {
+    let process = std::process::id();
     let mut current = DEVICE.lock().unwrap_or_else(PoisonError::into_inner);
-    let before = current.replace(opened);
+    let before = current.replace(Opened { process, device });
     if let Some(before) = before
-        && before.process != std::process::id()
+        && before.process != process
     {
         std::mem::forget(before);
     }

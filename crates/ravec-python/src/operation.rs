@@ -96,7 +96,7 @@ fn run(
 ) -> PyResult<Outcome> {
     let mut context = Context::default().with_intermediates();
     context.cluster = pieces::cluster(cluster)?;
-    context.device = device()?;
+    context.device = device(py)?;
     let kind = insert(&context, inputs, color_space)?.unwrap_or(PixelKind::RGB8);
     let given = context.clone();
     let is_remote = context.cluster.is_some();

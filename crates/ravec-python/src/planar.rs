@@ -79,7 +79,7 @@ pub fn warp(
     let size = array::result_size(width as f64, height as f64)?;
     let matrix = DMat3::from_cols_array(&matrix).transpose();
     let map = Homography::from_matrix(matrix).map_err(of_request)?;
-    let device = device()?;
+    let device = device(py)?;
     let used = device.clone();
     let image = work::run(py, progress, move |progress| {
         let has_alpha = image.has_alpha();

@@ -77,7 +77,7 @@ impl Retargeter {
     ) -> PyResult<Py<PyAny>> {
         let size = array::result_size(width as f64, height as f64)?;
         let analyzed = Arc::clone(&self.analyzed);
-        let device = device()?;
+        let device = device(py)?;
         let used = device.clone();
         let image = work::run(py, progress, move |progress| {
             let deformation = analyzed.retargeter.solve(size).map_err(raised)?;

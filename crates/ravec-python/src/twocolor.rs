@@ -62,7 +62,7 @@ impl Field {
     ) -> PyResult<Self> {
         let linear = PixelKind::is_linear(&options.color_space)?;
         let (image, kind) = array::picture(image, linear)?;
-        let device = device()?;
+        let device = device(py)?;
         let used = device.clone();
         let blocks = work::run(py, progress, move |progress| {
             if options.adaptive {
@@ -111,7 +111,7 @@ impl Field {
     ) -> PyResult<Py<PyAny>> {
         let blocks = Arc::clone(&self.blocks);
         let kind = self.kind;
-        let device = device()?;
+        let device = device(py)?;
         let used = device.clone();
         let image = work::run(py, progress, move |progress| {
             let size = with_blocks!(&*blocks, field => {
