@@ -5,9 +5,10 @@ use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use ravec_jobs::Device;
 use std::ffi::CString;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// A device, and the process that opened it: drivers do not survive a fork, and wait forever for threads that are gone.
+/// A device, and the process that opened it.
 struct Opened {
     process: u32,
     device: Device,
@@ -15,10 +16,14 @@ struct Opened {
 
 static DEVICE: Mutex<Option<Opened>> = Mutex::new(None);
 
+/// The process that loaded the driver of an adapter, or 0. Drivers do not survive a fork: they wait forever for threads that are gone.
+static DRIVER_OWNER: AtomicU32 = AtomicU32::new(0);
+
 /// Opens the device for work from now on, and returns its adapter and driver, or nothing for the CPU.
 #[pyfunction]
 pub fn set_device(py: Python<'_>, name: &str) -> PyResult<Option<String>> {
-    if name != "cpu" && is_forked() {
+    let owner = DRIVER_OWNER.load(Ordering::Relaxed);
+    if name != "cpu" && owner != 0 && owner != std::process::id() {
         return Err(of_request(format!(
             "cannot use the device `{name}`: this process was forked from one that had opened a device; start processes by `spawn`, or choose `cpu`"
         )));
@@ -26,6 +31,9 @@ pub fn set_device(py: Python<'_>, name: &str) -> PyResult<Option<String>> {
     py.detach(|| {
         let device = Device::open(name).map_err(|error| of_job(&error))?;
         let adapter = device.adapter();
+        if adapter.is_some() {
+            DRIVER_OWNER.store(std::process::id(), Ordering::Relaxed);
+        }
         keep(device);
         Ok(adapter)
     })
