@@ -314,7 +314,10 @@ const QUARANTINE: &[(&[&str], &[&str])] = &[
         ],
     ),
     // devices beside the CPU
-    (&["pollster", "wgpu"], &["ravec-gpu"]),
+    (
+        &["pollster", "wgpu"],
+        &["ravec-gpu", "ravec-mesh-render", "ravec-studio"],
+    ),
     // the interpreter of Python
     (&["numpy", "pyo3"], &["ravec-python"]),
     // windows

@@ -1,6 +1,8 @@
 //! The camera: the view of the mesh, and the projection of its points into the picture.
 
 use glam::DVec3;
+#[cfg(feature = "gpu")]
+use glam::{DMat4, DVec4};
 
 use super::screen_map::Sight;
 use ravec_mesh::Aabb;
@@ -399,6 +401,54 @@ impl Projector {
             key: (self.raw_depth(p) - self.depth[0]) * self.depth[1],
             inverse_w,
         }
+    }
+
+    /// The eye; `None` if infinitely far.
+    #[cfg(feature = "gpu")]
+    pub fn eye_in_space(&self) -> Option<DVec3> {
+        let [right, up, toward] = self.axes;
+        self.eye
+            .map(|eye| self.origin + eye.x * right + eye.y * up + eye.z * toward)
+    }
+
+    /// Samples per unit of length at unit distance, and depth per unit of what [`Self::raw_depth`] has.
+    #[cfg(feature = "gpu")]
+    pub fn scales(&self) -> [f64; 2] {
+        [self.scale, self.depth[1]]
+    }
+
+    /// The matrix, column by column, from places relative to `origin` to clip coordinates: y points upward, depth grows from 0
+    /// to 1 at the nearest place, with a little room at both ends, and the last coordinate is the distance.
+    #[cfg(feature = "gpu")]
+    pub fn clip(&self, origin: DVec3, size: [f64; 2]) -> [[f32; 4]; 4] {
+        const ROOM_AT_ENDS: f64 = 2e-3;
+        let local = DMat4::from_cols(
+            DVec3::from_array(self.axes.map(|axis| axis.x)).extend(0.0),
+            DVec3::from_array(self.axes.map(|axis| axis.y)).extend(0.0),
+            DVec3::from_array(self.axes.map(|axis| axis.z)).extend(0.0),
+            self.local(origin).extend(1.0),
+        );
+        let eye = self.eye.unwrap_or(DVec3::ZERO);
+        // rows of the projection of local coordinates
+        let distance = match self.eye {
+            Some(eye) => DVec4::new(0.0, 0.0, -1.0, eye.z),
+            None => DVec4::W,
+        };
+        let [low, per_unit] = self.depth;
+        let depth = match self.eye {
+            Some(_) => per_unit * DVec4::W - low * per_unit * distance,
+            None => per_unit * (DVec4::Z - low * DVec4::W),
+        };
+        let depth = ROOM_AT_ENDS * distance + (1.0 - 2.0 * ROOM_AT_ENDS) * depth;
+        let middle = [
+            2.0 * self.shift[0] / size[0] - 1.0,
+            1.0 - 2.0 * self.shift[1] / size[1],
+        ];
+        let scale = size.map(|size| 2.0 * self.scale / size);
+        let x = scale[0] * (DVec4::X - eye.x * DVec4::W) + middle[0] * distance;
+        let y = scale[1] * (DVec4::Y - eye.y * DVec4::W) + middle[1] * distance;
+        let projection = DMat4::from_cols(x, y, depth, distance).transpose();
+        (projection * local).as_mat4().to_cols_array_2d()
     }
 
     /// The distance of `p` along the axis of sight: from the eye, or from the origin of the view if that is infinitely far.

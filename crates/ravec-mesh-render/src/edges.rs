@@ -105,7 +105,7 @@ impl Edges {
 const MIN_HEIGHT: f64 = 1e-9;
 
 /// The unit normal of a triangle; 0 if it has no area to speak of.
-fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+pub(super) fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     let normal = (b - a).cross(c - a);
     let sides = [b - a, c - b, a - c].map(DVec3::length_squared);
     let longest_sq = sides.into_iter().fold(0.0, f64::max);

@@ -28,6 +28,7 @@
 //! | colors | [`Paint`], [`Values`], [`ColorMap`], [`Legend`] |
 //! | lines | [`FeatureLines`], [`MarkedEdges`], [`LineStyle`] |
 //! | a section | [`Section`] |
+//! | pictures on a GPU, feature `gpu` | `gpu` |
 //!
 //! # Guarantees
 //!
@@ -52,6 +53,8 @@
 mod camera;
 mod color;
 mod edges;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod light;
 mod lines;
 mod normals;
@@ -236,6 +239,14 @@ impl Paint<'_> {
         }
     }
 
+    /// Fails if colors or numbers do not fit the mesh.
+    fn check(&self, mesh: &TriMesh) -> Result<(), RenderError> {
+        match self.lengths(mesh) {
+            Some((got, expected)) if got != expected => Err(RenderError::Paint { got, expected }),
+            _ => Ok(()),
+        }
+    }
+
     /// Number of colors or numbers, and the required number.
     fn lengths(&self, mesh: &TriMesh) -> Option<(usize, usize)> {
         let (vertices, triangles) = (mesh.positions().len(), mesh.triangles().len());
@@ -316,6 +327,17 @@ pub enum RenderError {
         /// Required number of entries.
         expected: usize,
     },
+    /// An array that the GPU does not hold in one piece.
+    #[error("the mesh needs {bytes} bytes in one piece, and the GPU offers {limit}")]
+    DeviceMemory {
+        /// Size of the array.
+        bytes: u64,
+        /// Largest size.
+        limit: u64,
+    },
+    /// The GPU refused the work, is lost, or its memory is exhausted.
+    #[error("the GPU refuses to draw the mesh")]
+    Device,
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
@@ -389,11 +411,7 @@ fn draw(
     progress: &Progress,
 ) -> Result<Rendering, RenderError> {
     params.check()?;
-    if let Some((got, expected)) = paint.lengths(mesh)
-        && got != expected
-    {
-        return Err(RenderError::Paint { got, expected });
-    }
+    paint.check(mesh)?;
     progress.check()?;
     let side = params.samples_per_side;
     let size = [params.width * side, params.height * side].map(f64::from);

@@ -18,7 +18,7 @@ use super::{Paint, RenderError, RenderParams, Rendering, draw, normals};
 /// 40 bytes a triangle for the shading and 60 for lines, each from when it is first needed.
 pub struct PreparedMesh {
     mesh: Arc<TriMesh>,
-    prepared: Prepared,
+    pub(super) prepared: Prepared,
 }
 
 impl PreparedMesh {

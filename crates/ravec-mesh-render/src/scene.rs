@@ -12,7 +12,7 @@ use super::{Legend, Paint, RenderParams};
 use ravec_mesh::TriMesh;
 
 /// Steps of a scale of colors: finer than bytes can show.
-const STEPS: usize = 1024;
+pub(super) const STEPS: usize = 1024;
 
 /// Share of the shadows that is left where colors carry numbers: enough to see the shape, and still find the color in
 /// the legend.

@@ -13,7 +13,7 @@ struct Arguments {
     /// Pictures, meshes, clips or projects to open
     files: Vec<PathBuf>,
     /// Device for two-color pixels and warps: `cpu`, `gpu` for a hardware adapter, `auto` for one if there is one, or part of the
-    /// name of an adapter
+    /// name of an adapter. A hardware adapter of the window draws meshes in any case, a software driver only if it is named
     #[arg(long, value_name = "DEVICE", default_value = "cpu")]
     device: String,
     /// Play the gestures of a script without a window, and print the times from event to shown picture
@@ -86,6 +86,7 @@ fn open_window(arguments: Arguments) -> Result<(), String> {
                 Controls::watch(&context.egui_ctx, Some(file));
             }
             let mut studio = Studio::new(&context.egui_ctx, folder.as_deref());
+            studio.draw_meshes_on(context.wgpu_render_state.as_ref());
             for file in &files {
                 studio.open(file);
             }

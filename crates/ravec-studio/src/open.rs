@@ -9,7 +9,7 @@ use crate::history::History;
 use crate::project::Project;
 use crate::tools::{DraftFn, DraftJob, Tool};
 use crate::view::canvas::Canvas;
-use crate::view::mesh::{MeshCanvas, ShownMesh};
+use crate::view::mesh::{MeshCanvas, MeshGpu, ShownMesh};
 use crate::view::timeline::Timeline;
 use egui::Ui;
 use std::path::PathBuf;
@@ -73,6 +73,7 @@ impl Open {
         saved: Option<PathBuf>,
         kind: Kind,
         repaint: &Arc<dyn Fn() + Send + Sync>,
+        gpu: Option<&MeshGpu>,
     ) -> Self {
         let Project { document, output } = project;
         let name = document.source.file_name().unwrap_or_default();
@@ -88,7 +89,8 @@ impl Open {
             engine: Engine::new(move || for_engine()),
             assistant: Assistant::new(move || for_assistant()),
             canvas: Canvas::default(),
-            mesh_canvas: (kind == Kind::Mesh).then(|| MeshCanvas::new(repaint.clone())),
+            mesh_canvas: (kind == Kind::Mesh)
+                .then(|| MeshCanvas::new(repaint.clone(), gpu.cloned())),
             clip,
             selected: document.edits.last().map(|edit| edit.id),
             saved_document: saved.is_some().then(|| document.clone()),

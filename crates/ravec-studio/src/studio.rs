@@ -9,6 +9,7 @@ mod work;
 use crate::autosave::Autosave;
 use crate::background::{Background, Done, ExportState, is_project};
 use crate::content::Kind;
+use crate::device;
 use crate::document::Document;
 use crate::engine::Snapshot;
 use crate::history::History;
@@ -17,10 +18,12 @@ use crate::project::Project;
 use crate::settings::Form;
 use crate::tools::{self, Tool};
 use crate::view::canvas::Comparison;
+use crate::view::mesh::MeshGpu;
 #[cfg(test)]
 pub(crate) use counts::Count;
 pub(crate) use counts::{Counts, Source};
 use dialogs::Dialog;
+use eframe::egui_wgpu::RenderState;
 use egui::{CentralPanel, Key, KeyboardShortcut, Modifiers, Panel, Ui};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -60,6 +63,8 @@ pub struct Studio {
     /// The last message for the user, and true if it is an error.
     message: Option<(String, bool)>,
     repaint: Arc<dyn Fn() + Send + Sync>,
+    /// Draws meshes while the hand moves.
+    gpu: Option<MeshGpu>,
 }
 
 impl Studio {
@@ -87,11 +92,19 @@ impl Studio {
             highlighted: None,
             message: None,
             repaint,
+            gpu: None,
         };
         if let Some(folder) = folder {
             studio.background.recover(folder);
         }
         studio
+    }
+
+    /// Lets the adapter of the window draw meshes that are opened from now on, if it is a hardware adapter or the one that
+    /// [`choose_device`](crate::choose_device) was given by name.
+    pub fn draw_meshes_on(&mut self, state: Option<&RenderState>) {
+        let chosen = state.filter(|state| device::draws_meshes(&state.adapter.get_info()));
+        self.gpu = chosen.and_then(MeshGpu::new);
     }
 
     /// Opens the example soon: it is drawn at the first time.
@@ -140,8 +153,14 @@ impl Studio {
     fn take(&mut self, project: Project, saved: Option<PathBuf>, kind: Kind) {
         let number = self.next_number;
         self.next_number += 1;
-        self.open
-            .push(Open::new(number, project, saved, kind, &self.repaint));
+        self.open.push(Open::new(
+            number,
+            project,
+            saved,
+            kind,
+            &self.repaint,
+            self.gpu.as_ref(),
+        ));
         self.active = self.open.len() - 1;
         self.autosave();
     }

@@ -24,7 +24,7 @@ type Studio = Harness<'static, Window>;
 
 fn window(shown: Option<ShownMesh>, size: Vec2, pixels_per_point: f32) -> Studio {
     let window = Window {
-        canvas: MeshCanvas::new(Arc::new(|| {})),
+        canvas: MeshCanvas::new(Arc::new(|| {}), None),
         shown: shown.map(Arc::new),
         ghost: None,
     };
@@ -477,7 +477,7 @@ fn odd_meshes_and_sizes_are_shown() {
                         window.canvas.ui(ui, shown.as_ref(), ghost.as_ref());
                     },
                     Window {
-                        canvas: MeshCanvas::new(Arc::new(|| {})),
+                        canvas: MeshCanvas::new(Arc::new(|| {}), None),
                         shown: Some(Arc::new(shown)),
                         ghost: None,
                     },

@@ -348,7 +348,7 @@ fn a_session_in_a_window_outlives_a_kill() {
     window.see("0 strokes");
     let way = [[40.0, 40.0], [120.0, 60.0], [180.0, 120.0]];
     window.drag(&way);
-    window.see("1 strokes");
+    window.see("1 stroke");
 
     window.click("Retarget");
     window.see("Drag the frame");

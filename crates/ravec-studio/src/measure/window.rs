@@ -88,6 +88,7 @@ pub(super) fn measure(
                 format!("{} ({})", info.name, info.backend)
             });
             let mut studio = Studio::new(&context.egui_ctx, None);
+            studio.draw_meshes_on(adapter);
             studio.open(&file);
             let session = Session::new(&context.egui_ctx, studio, &script, pictures);
             Ok(Box::new(Player {

@@ -228,7 +228,10 @@ impl Tool for Brush {
         let size = desk.input?.content.size();
         let mut changed = None;
         ui.horizontal(|ui| {
-            ui.label(format!("{} strokes", list.len()));
+            ui.label(match list.len() {
+                1 => "1 stroke".to_owned(),
+                count => format!("{count} strokes"),
+            });
             if ui
                 .add_enabled(!list.is_empty(), egui::Button::new("Remove all strokes"))
                 .clicked()

@@ -1,6 +1,7 @@
 //! The widget.
 
 use super::ShownMesh;
+use super::gpu::{MeshGpu, Pictures};
 use super::legend::{paint_axes, paint_legend};
 use super::marks::paint_marks;
 use super::measure::{self, Measured, Measuring};
@@ -40,6 +41,16 @@ enum Gesture {
     Pan(DVec3),
 }
 
+/// Frames that the GPU draws.
+#[derive(Default)]
+struct GpuFrames {
+    pictures: Pictures,
+    /// Number of the last request that was answered by a frame.
+    request: u64,
+    /// `true` if the last frame was drawn by the GPU.
+    is_last: bool,
+}
+
 /// A canvas that shows a mesh.
 ///
 /// | gesture | effect |
@@ -62,6 +73,8 @@ pub struct MeshCanvas {
     held: bool,
     repaint: Arc<dyn Fn() + Send + Sync>,
     renderer: Renderer,
+    gpu: Option<MeshGpu>,
+    gpu_frames: GpuFrames,
     picker: Picker,
     shown: Option<Arc<ShownMesh>>,
     bounds: Aabb,
@@ -78,13 +91,17 @@ pub struct MeshCanvas {
 
 impl MeshCanvas {
     /// A canvas that shows nothing yet. `repaint` is called, from other threads, when there is something new to show.
-    pub fn new(repaint: Arc<dyn Fn() + Send + Sync>) -> Self {
+    ///
+    /// With `gpu` the window draws meshes itself while the hand moves.
+    pub fn new(repaint: Arc<dyn Fn() + Send + Sync>, gpu: Option<MeshGpu>) -> Self {
         Self {
             options: MeshOptions::default(),
             camera: OrbitCamera::default(),
             moved: false,
             held: false,
-            renderer: Renderer::new(repaint.clone()),
+            renderer: Renderer::new(repaint.clone(), gpu.clone()),
+            gpu,
+            gpu_frames: GpuFrames::default(),
             repaint,
             picker: Picker::default(),
             shown: None,
@@ -200,6 +217,9 @@ impl MeshCanvas {
         let Some((wanted, _)) = &self.requested else {
             return false;
         };
+        if self.held && self.gpu_frames.is_last {
+            return false;
+        }
         let is_there = |drawn: &Drawn| (drawn.fine || self.held) && drawn.wanted == *wanted;
         let drawn = self.drawn.as_ref();
         !drawn.is_some_and(|(drawn, _)| is_there(drawn)) && self.renderer.failure(wanted).is_none()
@@ -208,7 +228,12 @@ impl MeshCanvas {
     /// Number of the last request for a picture, and of the one that is shown.
     pub(crate) fn counts(&self) -> [u64; 2] {
         let shown = self.drawn.as_ref().map_or(0, |(drawn, _)| drawn.request);
-        [self.renderer.requests(), shown]
+        [self.renderer.requests(), shown.max(self.gpu_frames.request)]
+    }
+
+    /// `true` if the GPU has drawn the last frame; else it shows a picture of the CPU.
+    pub fn is_drawn_by_gpu(&self) -> bool {
+        self.gpu_frames.is_last
     }
 
     /// Number of pictures that were made.
@@ -274,9 +299,22 @@ impl MeshCanvas {
             style: self.style(background, pixels_per_point),
         };
         let failure = self.renderer.failure(&wanted);
-        self.request(ui, wanted);
+        let layers = self
+            .gpu
+            .as_ref()
+            .and_then(|_| self.renderer.layers(&wanted));
+        self.request(ui, wanted, layers.is_some());
         self.take(ui);
-        self.paint_picture(&painter, &view);
+        self.want_picker(shown);
+        let is_fine = self.shows_fine_picture();
+        let layers = layers.filter(|_| !is_fine);
+        self.gpu_frames.is_last = layers.is_some();
+        match (&self.gpu, layers) {
+            (Some(gpu), Some(layers)) => {
+                painter.add(gpu.shape(&self.gpu_frames.pictures, area, layers));
+            }
+            _ => self.paint_picture(&painter, &view),
+        }
         self.paint_overlay(ui, &painter, &response, &view, shown);
         if let Some(failure) = failure {
             self.picker.want(&shown.mesh, &self.repaint);
@@ -477,8 +515,8 @@ impl MeshCanvas {
         }
     }
 
-    /// Asks for a draft of what is new, and for a fine picture once the hand rests.
-    fn request(&mut self, ui: &Ui, wanted: Wanted) {
+    /// Asks for a draft of what is new, unless the GPU draws it, and for a fine picture once the hand rests.
+    fn request(&mut self, ui: &Ui, wanted: Wanted, has_layers: bool) {
         self.held = ui.input(|input| input.pointer.any_down());
         let known = self.requested.take();
         let fine = match known {
@@ -489,7 +527,11 @@ impl MeshCanvas {
                 fine || !self.held
             }
             _ => {
-                self.renderer.request_draft(wanted.clone());
+                if has_layers {
+                    self.gpu_frames.request = self.renderer.request_gpu();
+                } else {
+                    self.renderer.request_draft(wanted.clone());
+                }
                 // the next frame sees that nothing moved any more
                 ui.ctx().request_repaint();
                 false
@@ -518,8 +560,26 @@ impl MeshCanvas {
         self.drawn = Some((drawn, texture));
     }
 
+    /// `true` if the last picture is that of the present view at full quality.
+    fn shows_fine_picture(&self) -> bool {
+        let wanted = self.requested.as_ref().map(|(wanted, _)| wanted);
+        let drawn = self.drawn.as_ref();
+        drawn.is_some_and(|(drawn, _)| drawn.fine && Some(&drawn.wanted) == wanted)
+    }
+
+    /// Prepares for picking once the mesh is seen.
+    fn want_picker(&mut self, shown: &ShownMesh) {
+        let drawn = self
+            .drawn
+            .as_ref()
+            .map(|(drawn, _)| &drawn.wanted.shown.mesh);
+        if self.gpu_frames.is_last || drawn.is_some_and(|mesh| Arc::ptr_eq(mesh, &shown.mesh)) {
+            self.picker.want(&shown.mesh, &self.repaint);
+        }
+    }
+
     /// Draws the last picture where it belongs in the present view.
-    fn paint_picture(&mut self, painter: &Painter, view: &MeshView) {
+    fn paint_picture(&self, painter: &Painter, view: &MeshView) {
         let Some((drawn, texture)) = &self.drawn else {
             let color = Color32::from_gray(128);
             let font = FontId::proportional(14.0);
@@ -527,11 +587,6 @@ impl MeshCanvas {
             painter.text(at, Align2::CENTER_CENTER, "Drawing...", font, color);
             return;
         };
-        if let Some(shown) = &self.shown
-            && Arc::ptr_eq(&shown.mesh, &drawn.wanted.shown.mesh)
-        {
-            self.picker.want(&shown.mesh, &self.repaint);
-        }
         let size = drawn.image.size.map(|side| side as f64);
         let Some(target) = drawn.wanted.camera.target else {
             return;

@@ -5,6 +5,7 @@
 //! until the next is there, and is moved and scaled along with the view in the meantime.
 
 mod canvas;
+mod gpu;
 mod legend;
 mod marks;
 mod measure;
@@ -19,6 +20,7 @@ use ravec::mesh_render::ColorMap;
 use std::sync::Arc;
 
 pub use canvas::MeshCanvas;
+pub use gpu::MeshGpu;
 pub use measure::Measured;
 pub use options::{MeshOptions, SectionOptions};
 pub use orbit::{MeshView, OrbitCamera};

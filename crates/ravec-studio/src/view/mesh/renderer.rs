@@ -2,13 +2,16 @@
 //!
 //! A draft is made for each movement, and a fine picture when the hand rests. A new draft stops a fine picture that is being
 //! made, but no draft of the same mesh: while the hand moves without a pause, drafts appear one after the other. Drafts are as
-//! coarse as the last ones took time.
+//! coarse as the last ones took time. Where the window has a GPU, meshes are copied to it after their first draft, and the window
+//! draws them itself while the hand moves.
 //!
 //! Guarantees: no call waits for the thread; pictures come in the order of requests.
 
+use super::gpu::{Layer, MeshGpu};
 use super::{MarkedPlace, ShownMesh};
 use egui::{Color32, ColorImage};
 use ravec::mesh::TriMesh;
+use ravec::mesh_render::gpu::GpuMesh;
 use ravec::mesh_render::{
     Camera, FeatureLines, Legend, LineStyle, MarkedEdges, Paint, PreparedMesh, RenderError,
     RenderParams, Rendering, Rgb8, Section, Values,
@@ -144,10 +147,49 @@ struct State {
     running: Option<Running>,
     drawn: Option<Drawn>,
     failure: Option<(Wanted, String)>,
+    /// Meshes on the GPU, the last ones at the end.
+    uploaded: Vec<Uploaded>,
     /// Number of requests for drafts.
     requests: u64,
     pictures: u64,
     quits: bool,
+}
+
+/// A mesh that was copied to the GPU.
+struct Uploaded {
+    shown: Arc<ShownMesh>,
+    look: Look,
+    /// `None` if the GPU has refused it.
+    mesh: Option<Arc<GpuMesh>>,
+}
+
+/// The part of the look that is copied along with a mesh.
+#[derive(Clone, Copy, PartialEq)]
+struct Look {
+    has_colors: bool,
+    is_ghost: bool,
+}
+
+impl Uploaded {
+    fn is_of(&self, shown: &Arc<ShownMesh>, look: Look) -> bool {
+        Arc::ptr_eq(&self.shown, shown) && self.look == look
+    }
+}
+
+impl Wanted {
+    /// The mesh and its ghost, with their looks.
+    fn meshes(&self) -> impl Iterator<Item = (&Arc<ShownMesh>, Look)> {
+        let mesh = Look {
+            has_colors: self.style.colors && self.shown.values.is_some(),
+            is_ghost: false,
+        };
+        let ghost = Look {
+            has_colors: false,
+            is_ghost: true,
+        };
+        let ghosts = self.ghost.iter().map(move |shown| (shown, ghost));
+        std::iter::once((&self.shown, mesh)).chain(ghosts)
+    }
 }
 
 struct Running {
@@ -176,7 +218,7 @@ pub(super) struct Renderer {
 
 impl Renderer {
     /// `repaint` is called, from another thread, when there is something new.
-    pub fn new(repaint: Arc<dyn Fn() + Send + Sync>) -> Self {
+    pub fn new(repaint: Arc<dyn Fn() + Send + Sync>, gpu: Option<MeshGpu>) -> Self {
         let shared = Arc::new(Shared {
             state: Mutex::default(),
             wake: Condvar::new(),
@@ -187,7 +229,7 @@ impl Renderer {
         Self {
             shared,
             // without a thread nothing is drawn, and the window still works
-            thread: thread.spawn(move || work(&own)).ok(),
+            thread: thread.spawn(move || work(&own, gpu.as_ref())).ok(),
         }
     }
 
@@ -218,6 +260,40 @@ impl Renderer {
         }
         state.fine = Some(wanted);
         self.shared.wake.notify_all();
+    }
+
+    /// What the GPU draws in place of a draft: the mesh and its ghost. `None` until both are copied there, and if it has refused
+    /// one of them.
+    pub fn layers(&self, wanted: &Wanted) -> Option<Vec<Layer>> {
+        let state = self.shared.state();
+        let mut layers = Vec::new();
+        for (shown, look) in wanted.meshes() {
+            let known = state.uploaded.iter().find(|known| known.is_of(shown, look));
+            let params = params(wanted, FINE, Some(Vec::new()));
+            layers.push(Layer {
+                mesh: known?.mesh.clone()?,
+                params: if look.is_ghost {
+                    ghost_params(&params)
+                } else {
+                    params
+                },
+                opacity: if look.is_ghost { GHOST_ALPHA } else { 1.0 },
+            });
+        }
+        Some(layers)
+    }
+
+    /// Stops a fine picture, in place of which the GPU draws. Returns the number of the request.
+    pub fn request_gpu(&self) -> u64 {
+        let mut state = self.shared.state();
+        if let Some(running) = &state.running
+            && running.fine
+        {
+            running.progress.cancel();
+        }
+        state.fine = None;
+        state.requests += 1;
+        state.requests
     }
 
     /// Stops everything.
@@ -265,7 +341,7 @@ impl Drop for Renderer {
 }
 
 /// Takes requests until the renderer is dropped.
-fn work(shared: &Shared) {
+fn work(shared: &Shared, gpu: Option<&MeshGpu>) {
     let mut meshes = Meshes::default();
     let mut pace = Pace::default();
     loop {
@@ -305,8 +381,9 @@ fn work(shared: &Shared) {
         } else if outcome.is_ok() {
             pace.record(start.elapsed());
         }
+        let uploads = outcome.is_ok();
+        let copied = wanted.clone();
         let mut state = shared.state();
-        state.running = None;
         match outcome {
             Ok((image, legend)) => {
                 state.pictures += 1;
@@ -325,7 +402,45 @@ fn work(shared: &Shared) {
         }
         drop(state);
         (shared.repaint)();
+        if let Some(gpu) = gpu
+            && uploads
+            // a cancelled copy is made after the next picture
+            && upload(shared, gpu, &mut meshes, &copied, &progress).is_ok_and(|is_new| is_new)
+        {
+            (shared.repaint)();
+        }
+        shared.state().running = None;
     }
+}
+
+/// Copies to the GPU what is not there yet. Returns `true` if it copied something.
+fn upload(
+    shared: &Shared,
+    gpu: &MeshGpu,
+    meshes: &mut Meshes,
+    wanted: &Wanted,
+    progress: &Progress,
+) -> Result<bool, RenderError> {
+    let mut is_new = false;
+    for (shown, look) in wanted.meshes() {
+        let is_known = |known: &Uploaded| known.is_of(shown, look);
+        if shared.state().uploaded.iter().any(is_known) {
+            continue;
+        }
+        let prepared = meshes.prepared(&shown.mesh);
+        let mesh = gpu.upload(prepared, wanted, look.is_ghost, progress)?;
+        let mut state = shared.state();
+        if state.uploaded.len() == KEPT {
+            state.uploaded.remove(0);
+        }
+        state.uploaded.push(Uploaded {
+            shown: shown.clone(),
+            look,
+            mesh,
+        });
+        is_new = true;
+    }
+    Ok(is_new)
 }
 
 /// Coarseness of drafts, by the time that they took.
@@ -399,29 +514,14 @@ fn draw(
     quality: Quality,
     progress: &Progress,
 ) -> Result<(ColorImage, Option<Legend>), RenderError> {
-    let shown = &*wanted.shown;
-    let params = params(wanted, quality);
-    let paint = match &shown.values {
-        Some(values) if wanted.style.colors => Paint::VertexValues(Values {
-            values: &values.values,
-            map: values.map,
-            range: values.range,
-        }),
-        _ => Paint::Plain,
-    };
-    let prepared = meshes.prepared(&shown.mesh);
-    let Rendering { picture, legend } = prepared.render(&paint, &params, progress)?;
+    let edges = quality.lines.then(|| marked_edges(&wanted.shown));
+    let params = params(wanted, quality, edges.filter(|edges| !edges.is_empty()));
+    let prepared = meshes.prepared(&wanted.shown.mesh);
+    let rendering = prepared.render(&paint(wanted, false), &params, progress)?;
+    let Rendering { picture, legend } = rendering;
     let mut pixels = picture.pixels;
     if let Some(ghost) = &wanted.ghost {
-        let ghost_params = RenderParams {
-            background: None,
-            front_color: GHOST_COLOR,
-            back_color: GHOST_COLOR,
-            marked: None,
-            wireframe: None,
-            shaded: true,
-            ..params
-        };
+        let ghost_params = ghost_params(&params);
         let prepared = meshes.prepared(&ghost.mesh);
         let ghost = prepared.render(&Paint::Plain, &ghost_params, progress)?;
         blend(&mut pixels, &ghost.picture.pixels);
@@ -430,6 +530,41 @@ fn draw(
     let colors = pixels.chunks_exact(4);
     let colors = colors.map(|pixel| Color32::from_rgb(pixel[0], pixel[1], pixel[2]));
     Ok((ColorImage::new(size, colors.collect()), legend))
+}
+
+/// The colors of the mesh of `wanted`, or of its ghost.
+pub(super) fn paint(wanted: &Wanted, is_ghost: bool) -> Paint<'_> {
+    match &wanted.shown.values {
+        Some(values) if wanted.style.colors && !is_ghost => Paint::VertexValues(Values {
+            values: &values.values,
+            map: values.map,
+            range: values.range,
+        }),
+        _ => Paint::Plain,
+    }
+}
+
+/// The marked edges of the mesh, whether they are shown or not.
+pub(super) fn marked(wanted: &Wanted) -> Option<MarkedEdges> {
+    let edges = marked_edges(&wanted.shown);
+    let style = LineStyle {
+        color: MARK_COLOR,
+        width_px: 1.0,
+    };
+    (!edges.is_empty()).then_some(MarkedEdges { edges, style })
+}
+
+/// The look of the ghost of a picture.
+fn ghost_params(params: &RenderParams) -> RenderParams {
+    RenderParams {
+        background: None,
+        front_color: GHOST_COLOR,
+        back_color: GHOST_COLOR,
+        marked: None,
+        wireframe: None,
+        shaded: true,
+        ..params.clone()
+    }
 }
 
 /// Lays the ghost over a picture.
@@ -452,7 +587,8 @@ fn size(wanted: &Wanted, quality: Quality) -> [u32; 2] {
     wanted.size.map(|side| side.div_ceil(divisor).max(1))
 }
 
-fn params(wanted: &Wanted, quality: Quality) -> RenderParams {
+/// Parameters of a picture, with `edges` in the style of marks if marks are shown.
+fn params(wanted: &Wanted, quality: Quality, edges: Option<Vec<[u32; 2]>>) -> RenderParams {
     let style = &wanted.style;
     let [width, height] = size(wanted, quality);
     let scale = f64::from(style.pixels_per_point) * f64::from(width.min(height))
@@ -502,12 +638,10 @@ fn params(wanted: &Wanted, quality: Quality) -> RenderParams {
                 silhouettes: true,
                 style: line(ink, 1.2),
             }),
-        marked: (style.marks && quality.lines)
-            .then(|| MarkedEdges {
-                edges: marked_edges(&wanted.shown),
-                style: line(MARK_COLOR, 3.0),
-            })
-            .filter(|marked| !marked.edges.is_empty()),
+        marked: edges.filter(|_| style.marks).map(|edges| MarkedEdges {
+            edges,
+            style: line(MARK_COLOR, 3.0),
+        }),
         section: style.section,
         ..defaults
     }
