@@ -13,9 +13,10 @@ use ravec::raster::{Image, Size, Srgb, Srgba};
 use ravec_jobs::{Context, Operation as _, recipe};
 use ravec_scenes::Seed;
 use ravec_scenes::clip::{Clip, ClipId, clip};
-use ravec_studio::{Content, Studio};
+use ravec_studio::{Content, Edit, Studio};
 use ravec_video::FrameSource as _;
 use std::path::Path;
+use std::sync::Arc;
 
 const FRAMES: usize = 12;
 
@@ -219,14 +220,7 @@ fn an_overlay_is_dragged_onto_its_place() {
     ravec_media::write(&logo, &picture, &ravec_media::WriteOptions::default()).unwrap();
     click(&mut harness, "Overlay a picture");
     assert!(harness.query_by_label("Give the file: Picture").is_some());
-    let field = harness.get_by_role_and_label(Role::TextInput, "Picture");
-    field.focus();
-    harness.step();
-    let field = harness.get_by_role_and_label(Role::TextInput, "Picture");
-    field.type_text(logo.to_str().unwrap());
-    harness.step();
-    harness.key_press(Key::Enter);
-    settle(&mut harness);
+    enter(&mut harness, "Picture", logo.to_str().unwrap());
     click(&mut harness, "Place by corners");
     // the lower right corner goes inward
     let way = [[120.0, 90.0], [110.0, 85.0], [95.0, 80.0]].map(|[x, y]| on_screen(&harness, x, y));
@@ -237,6 +231,77 @@ fn an_overlay_is_dragged_onto_its_place() {
     // over the timeline it is a layer
     assert!(harness.query_all_by_label("Overlay a picture").count() >= 2);
     exported(&mut harness, folder.path());
+}
+
+/// Types into a field that takes the name of a file.
+fn enter(harness: &mut Harness<'_, Studio>, label: &str, text: &str) {
+    let field = harness.get_by_role_and_label(Role::TextInput, label);
+    field.focus();
+    harness.step();
+    let field = harness.get_by_role_and_label(Role::TextInput, label);
+    field.type_text(text);
+    harness.step();
+    harness.key_press(Key::Enter);
+    settle(harness);
+}
+
+/// The last edit that pastes.
+fn paste_of(harness: &Harness<'_, Studio>) -> Arc<Edit> {
+    let mut edits = harness.state().document().unwrap().edits.iter();
+    let found = edits.rfind(|edit| edit.operation == "video paste");
+    found.unwrap().clone()
+}
+
+#[test]
+fn a_pasted_foreground_is_dragged_by_its_corners_in_the_other_clip() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    // another clip, of another size, whose plane goes to the right by 2 pixels a frame
+    let scene = folder.path().join("scene");
+    std::fs::create_dir(&scene).unwrap();
+    let gray = [90, 90, 90];
+    for index in 0..FRAMES {
+        let image: Image<Srgb<u8>> = Image::new(Size::new(200, 150).unwrap(), Srgb(gray));
+        let picture = ravec_media::Picture::from_image(image);
+        let path = scene.join(format!("s_{index:04}.png"));
+        ravec_media::write(&path, &picture, &ravec_media::WriteOptions::default()).unwrap();
+    }
+    let maps: Vec<[f64; 9]> = (0..FRAMES)
+        .map(|index| [1.0, 0.0, 2.0 * index as f64, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+        .collect();
+    let track = folder.path().join("scene.json");
+    let text = serde_json::json!({ "frame_from_reference": maps }).to_string();
+    std::fs::write(&track, text).unwrap();
+
+    click(&mut harness, "Paste into a clip");
+    enter(&mut harness, "Into", scene.to_str().unwrap());
+    enter(&mut harness, "Its track", track.to_str().unwrap());
+    go_to(&mut harness, 5);
+    click(&mut harness, "Place by corners");
+    // the frame of 160 by 120 pixels lies 10 pixels to the right in frame 5; its corner comes inward, and its middle goes down
+    let way = [[170.0, 120.0], [160.0, 115.0], [150.0, 100.0]];
+    let way = way.map(|[x, y]| on_screen(&harness, x, y));
+    drag(&mut harness, &way);
+    let way = [[80.0, 60.0], [82.0, 70.0], [85.0, 80.0]].map(|[x, y]| on_screen(&harness, x, y));
+    drag(&mut harness, &way);
+    let edit = paste_of(&harness);
+    let corners = edit.param("into_quad").as_str().unwrap().to_owned();
+    let corners: Vec<f64> = corners.split(',').map(|x| x.parse().unwrap()).collect();
+    let expected = [5.0, 20.0, 165.0, 20.0, 145.0, 120.0, 5.0, 140.0];
+    for (found, expected) in corners.iter().zip(expected) {
+        assert!((found - expected).abs() < 0.6, "{corners:?}");
+    }
+    // the ball lies on the gray scene
+    let found = shown(&harness);
+    assert_eq!((found.width(), found.height()), (200, 150));
+    let pasted = found.pixels().iter().filter(|pixel| pixel.0[..3] != gray);
+    assert!(pasted.count() > 100);
+    exported(&mut harness, folder.path());
+    // without corners it lies where it was in its own clip
+    click(&mut harness, "Same place");
+    let edit = paste_of(&harness);
+    assert!(edit.param("into_quad").is_null() && edit.param("quad").is_null());
+    shown(&harness);
 }
 
 #[test]
@@ -293,14 +358,7 @@ fn all_planes_of_a_track_are_on_the_plate_and_followed() {
 
     click(&mut harness, "Background plate");
     assert!(harness.query_by_label("All planes of the track").is_none());
-    let field = harness.get_by_role_and_label(Role::TextInput, "Track");
-    field.focus();
-    harness.step();
-    let field = harness.get_by_role_and_label(Role::TextInput, "Track");
-    field.type_text(track.to_str().unwrap());
-    harness.step();
-    harness.key_press(Key::Enter);
-    settle(&mut harness);
+    enter(&mut harness, "Track", track.to_str().unwrap());
     click(&mut harness, "All planes of the track");
     assert!(harness.query_by_label("The plate is there").is_some());
     click(&mut harness, "Remove the foreground");

@@ -9,7 +9,7 @@ use egui::{Key, Modifiers, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable as _;
 use ravec::planar::Homography;
-use ravec::raster::Size;
+use ravec::raster::{Image, Size, Srgb};
 use ravec_jobs::{Context, Operation as _, recipe};
 use ravec_scenes::Seed;
 use ravec_scenes::clip::{Clip, ClipId, clip};
@@ -165,6 +165,56 @@ fn a_plane_is_drawn_tracked_corrected_and_exported() {
     // the correction goes, by hand or by undo, and the track is as it was measured
     click(&mut harness, "Remove the correction of frame 6");
     assert!(exported(&mut harness, folder.path()) == measured);
+}
+
+/// Types the name of a file into a field.
+fn enter(harness: &mut Harness<'_, Studio>, label: &str, path: &Path) {
+    harness.get_by_label(label).focus();
+    harness.step();
+    harness.step();
+    harness
+        .get_by_label(label)
+        .type_text(&path.to_string_lossy());
+    harness.step();
+    harness.key_press(Key::Enter);
+    settle(harness);
+}
+
+#[test]
+fn strokes_and_a_photo_of_the_plane_are_given_in_the_panel() {
+    let folder = tempfile::tempdir().unwrap();
+    let (truth, mut harness) = wall(folder.path());
+    // a stroke hides the lower part of the plane in one frame
+    let strokes: Image<Srgb<u8>> = Image::from_fn(Size::new(320, 240).unwrap(), |_, row| {
+        Srgb([if row > 150 { 255 } else { 128 }; 3])
+    });
+    std::fs::create_dir(folder.path().join("strokes")).unwrap();
+    let photo = truth.frame(REFERENCE).stored();
+    for (name, image) in [("strokes/s_0006.png", strokes.into()), ("photo.png", photo)] {
+        let picture = ravec_media::Picture::from_image(image);
+        let path = folder.path().join(name);
+        ravec_media::write(&path, &picture, &ravec_media::WriteOptions::default()).unwrap();
+    }
+    click(&mut harness, "Track a plane");
+    go_to(&mut harness, REFERENCE);
+    draw_plane(&mut harness);
+    click(&mut harness, "Clip with the grid drawn on it (.mp4)");
+    let grid = folder.path().join("shot-track-grid.mp4");
+    let plain = exported(&mut harness, folder.path());
+    let plain_grid = std::fs::read(&grid).unwrap();
+    // the photo is drawn where the plane is shown, and changes no track
+    enter(
+        &mut harness,
+        "Photo of the plane",
+        &folder.path().join("photo.png"),
+    );
+    assert!(exported(&mut harness, folder.path()) == plain);
+    assert!(std::fs::read(&grid).unwrap() != plain_grid);
+    enter(&mut harness, "Strokes", &folder.path().join("strokes"));
+    assert!(harness.query_by_label("Track again").is_none());
+    assert!(exported(&mut harness, folder.path()) != plain);
+    let track = folder.path().join("shot-track.json");
+    assert!(largest_distance(&written(&track, 6), &truth_in(&truth, 6)) < 0.5);
 }
 
 #[test]

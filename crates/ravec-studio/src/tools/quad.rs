@@ -36,6 +36,9 @@ pub(crate) struct Moved {
 }
 
 impl QuadHandle {
+    /// Holds nothing.
+    pub const EMPTY: Self = Self { held: None };
+
     /// True while something is held.
     pub fn holds(&self) -> bool {
         self.held.is_some()
@@ -106,6 +109,14 @@ pub(crate) fn contains(places: &[Pos2], at: Pos2) -> bool {
         }
     }
     inside
+}
+
+/// The corners as a homography maps them.
+pub(crate) fn mapped(corners: &Corners, map: &Homography) -> Corners {
+    corners.map(|corner| {
+        let at = map.apply(corner.into());
+        [at.x, at.y]
+    })
 }
 
 /// Draws a quadrilateral with a grid of columns and rows, and its corners if it has handles.

@@ -1,5 +1,6 @@
 //! Tracking: a plane is drawn in a frame and followed through the clip while one watches; corners are corrected in any frame.
 
+use super::analysis::file_ui;
 use super::quad::{self, Corners, QuadHandle};
 use super::{Desk, Gesture, Hand, Row, Tool, range_ui, with_params};
 use crate::assistant::Assistant;
@@ -38,6 +39,30 @@ const EXPORTS: [(&str, &str); 5] = [
     ("Blender", ".py"),
     ("Table", ".csv"),
     ("Corners", ".txt"),
+];
+
+/// Files that are read: fields, names for the panel, and help.
+const FILES: [(&str, &str, &str); 4] = [
+    (
+        "mask",
+        "Mask of the plane",
+        "A picture of the reference frame, white on black, in place of the inside of the corners",
+    ),
+    (
+        "exclude",
+        "Mask of what is never the plane",
+        "A picture for all frames, or a clip of masks, white on black",
+    ),
+    (
+        "strokes",
+        "Strokes",
+        "Pictures of single frames with their numbers in the names: white hides the plane, black is the plane, gray is unknown",
+    ),
+    (
+        "photo",
+        "Photo of the plane",
+        "Its place on the plane is found, and the clip with the grid shows it there",
+    ),
 ];
 
 /// A track with the corrections of an edit.
@@ -107,7 +132,8 @@ fn operation(edit: &Edit, document: &Document) -> Result<Operation, String> {
 /// Text that changes with what is measured, not with corrections and outputs.
 pub(crate) fn measure_key(edit: &Edit) -> String {
     let measured = edit.with_param("corrections", Value::Null);
-    let outputs = ["output", "exports", "show"];
+    // a photo is placed on a track that is there already
+    let outputs = ["output", "exports", "show", "photo"];
     let fields = measured.fields.iter();
     let fields = fields.filter(|(name, _)| !outputs.contains(&name.as_str()));
     let fields: Map<String, Value> = fields
@@ -424,14 +450,10 @@ impl Track {
             let path = path.to_string_lossy().into_owned();
             changed = Some(with_field(edit, "show", !shows, path.into()));
         }
-        let label = ui
-            .label("Mask of what is never the plane")
-            .on_hover_text("A picture for all frames, or a clip of masks, white on black");
-        let mask = edit.fields.get("exclude").and_then(Value::as_str);
-        if let Some(path) = text_ui(ui, "exclude", mask.unwrap_or_default(), label.id) {
-            changed = Some(with_field(edit, "exclude", path.is_empty(), path.into()));
-        }
-        changed.map(Gesture::done)
+        let read = FILES.into_iter().filter_map(|file| file_ui(ui, edit, file));
+        // all lines are drawn, whichever has changed
+        let read = read.reduce(|first, _| first);
+        changed.map(Gesture::done).or(read)
     }
 }
 
@@ -527,6 +549,7 @@ impl Tool for Track {
             "exports",
             "show",
             "track",
+            "mask",
             "exclude",
             "strokes",
             "photo",

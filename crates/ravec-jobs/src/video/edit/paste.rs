@@ -230,6 +230,22 @@ impl FrameEdit for Frames {
     }
 }
 
+/// The motion of the plane of the second clip.
+pub struct IntoMotion {
+    track: Option<ShotTrack>,
+}
+
+impl IntoMotion {
+    /// The map from the reference frame of the second clip to frame `index`, as warping has it, with the center of the first pixel at
+    /// (0.5, 0.5); `None` for frames that its track lacks.
+    pub fn frame_from_reference(&self, index: u64) -> Option<Homography> {
+        match &self.track {
+            Some(track) => track.map(index).copied(),
+            None => Some(Homography::IDENTITY),
+        }
+    }
+}
+
 /// The clip into which a foreground is pasted.
 struct Scene {
     size: Size,
@@ -291,6 +307,32 @@ impl Paste {
         })
     }
 
+    /// Reads the track of the second clip; without one its plane stands still.
+    ///
+    /// # Errors
+    /// [`JobError::TrackFile`], and those of reading a file.
+    pub fn into_motion(&self, context: &Context) -> Result<IntoMotion, JobError> {
+        let mut report = Report::of(self, &self.params);
+        let track = self.into_track(&mut report, context)?;
+        Ok(IntoMotion { track })
+    }
+
+    fn into_track(
+        &self,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<Option<ShotTrack>, JobError> {
+        let Some(path) = &self.into_track else {
+            return Ok(None);
+        };
+        // the plane number is that of the first track
+        let first = ShotParams {
+            plane: 1,
+            ..self.params.shot.clone()
+        };
+        read_track(path, &first, report, context).map(Some)
+    }
+
     fn scene(
         &self,
         size: Size,
@@ -299,17 +341,7 @@ impl Paste {
         context: &Context,
     ) -> Result<Scene, JobError> {
         let params = &self.params;
-        let track = match &self.into_track {
-            // the plane number is that of the first track
-            Some(path) => {
-                let first = ShotParams {
-                    plane: 1,
-                    ..params.shot.clone()
-                };
-                Some(read_track(path, &first, report, context)?)
-            }
-            None => None,
-        };
+        let track = self.into_track(report, context)?;
         let front = match &self.into_matte {
             Some(path) => {
                 let masks = MaskFiles {
