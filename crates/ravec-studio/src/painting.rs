@@ -3,8 +3,8 @@
 use crate::document::Edit;
 use crate::shown::Shown;
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Color, Image, LinearRgba, Rect, with_image};
-use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes};
+use ravec::raster::{AnyImage, Color, Image, LinearRgba, Plane, Rect, with_image};
+use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes, Tool};
 use ravec_media::Picture;
 use std::sync::Arc;
 
@@ -14,8 +14,6 @@ use std::sync::Arc;
 #[derive(Default)]
 pub(crate) struct Painting {
     present: Option<Present>,
-    /// An input before its first stroke, in the pixels of the brush.
-    blank: Option<(Arc<str>, Image<LinearRgba>)>,
 }
 
 /// A picture with its strokes, and its view.
@@ -63,6 +61,26 @@ impl Painting {
         Some((shown.picture().clone(), Some(Arc::new(shown))))
     }
 
+    /// The pixels that a stroke would reach after those of an edit, and its effect on each, 0 to 1; `None` if these strokes are not
+    /// the ones that were painted here. The stroke itself is painted the faster for it.
+    pub fn region(
+        &mut self,
+        key: &str,
+        edit: &Edit,
+        input: &Picture,
+        stroke: &Stroke,
+        progress: &Progress,
+    ) -> Option<(Rect, Plane)> {
+        let present = self.present.as_mut()?;
+        let strokes = strokes_of(edit, input)?;
+        let idle = idle();
+        let (last, before) = strokes.split_last().unwrap_or((&idle, &[]));
+        if *present.key != *key || present.done != before || present.brush.stroke() != last {
+            return None;
+        }
+        present.brush.region(stroke, progress).ok()?
+    }
+
     /// Paints what is new in the strokes of an edit; cancellation stops the painting of all strokes anew only. Gives the picture as a
     /// screen shows it, or `None` if there is no stroke that can be painted here.
     ///
@@ -75,14 +93,15 @@ impl Painting {
         input: &Picture,
         progress: &Progress,
     ) -> Result<Option<Arc<Shown>>, StrokeError> {
-        let Some(strokes) = strokes_of(edit, input) else {
+        let Some(mut strokes) = strokes_of(edit, input) else {
             return Ok(None);
         };
+        let is_blank = strokes.is_empty();
+        if is_blank {
+            // the first stroke need not wait for the picture
+            strokes.push(idle());
+        }
         let Some((last, before)) = strokes.split_last() else {
-            // the first stroke need not wait for it
-            if self.blank.as_ref().is_none_or(|(of, _)| of != key) {
-                self.blank = Some((key.clone(), input.convert()));
-            }
             return Ok(None);
         };
         let known = self.present.take().filter(|present| present.key == *key);
@@ -90,22 +109,7 @@ impl Painting {
             Some(Ok(Some(advanced))) => advanced,
             Some(Err(error)) => return Err(error),
             Some(Ok(None)) | None => {
-                // stroke by stroke, so that each can be taken off again
-                let blank = self.blank.take().filter(|(of, _)| of == key);
-                let blank = blank.map_or_else(|| input.convert(), |(_, blank)| blank);
-                let mut brush = Brush::begin(blank, strokes[0].clone(), progress)?;
-                for (number, stroke) in strokes.iter().enumerate().skip(1) {
-                    let painted = brush.next_stroke(stroke.clone(), progress);
-                    painted.map_err(|error| numbered(error, number + 1))?;
-                }
-                let picture = input.with_image(brush.image());
-                let present = Present {
-                    key: key.clone(),
-                    brush,
-                    done: before.to_vec(),
-                    shown: Shown::new(Arc::new(picture)),
-                    spare: None,
-                };
+                let present = Present::new(key, input, &strokes, progress)?;
                 (present, Rect::default())
             }
         };
@@ -117,11 +121,38 @@ impl Painting {
         }
         let shown = Arc::new(present.shown.clone());
         self.present = Some(present);
-        Ok(Some(shown))
+        Ok((!is_blank).then_some(shown))
     }
 }
 
+/// A stroke that reaches no picture: the brush is not put down yet.
+fn idle() -> Stroke {
+    Stroke::new(Tool::Dodge, vec![[-1e6, -1e6]], 1.0)
+}
+
 impl Present {
+    /// Paints strokes, one at least, one by one, so that each can be taken off again.
+    fn new(
+        key: &Arc<str>,
+        input: &Picture,
+        strokes: &[Stroke],
+        progress: &Progress,
+    ) -> Result<Self, StrokeError> {
+        let mut brush = Brush::begin(input.convert(), strokes[0].clone(), progress)?;
+        for (number, stroke) in strokes.iter().enumerate().skip(1) {
+            let painted = brush.next_stroke(stroke.clone(), progress);
+            painted.map_err(|error| numbered(error, number + 1))?;
+        }
+        let picture = input.with_image(brush.image());
+        Ok(Self {
+            key: key.clone(),
+            brush,
+            done: strokes[..strokes.len() - 1].to_vec(),
+            shown: Shown::new(Arc::new(picture)),
+            spare: None,
+        })
+    }
+
     /// Goes on to these strokes and says where the picture has changed; `None` if they are no continuation.
     fn advance(
         mut self,
@@ -211,13 +242,16 @@ fn patched(
 }
 
 fn take_region(image: &mut AnyImage, painted: &Image<LinearRgba>, region: Rect) {
-    with_image!(image, image => for row in region.row..region.bottom() {
-        let columns = region.col..region.right();
-        let painted = &painted.row(row)[columns.clone()];
-        for (pixel, &color) in image.row_mut(row)[columns].iter_mut().zip(painted) {
-            *pixel = Color::from_linear(color);
+    let rows = region.row..region.bottom();
+    let columns = region.col..region.right();
+    with_image!(image, image => image.for_each_row(|row, pixels| {
+        if rows.contains(&row) {
+            let painted = &painted.row(row)[columns.clone()];
+            for (pixel, &color) in pixels[columns.clone()].iter_mut().zip(painted) {
+                *pixel = Color::from_linear(color);
+            }
         }
-    });
+    }));
 }
 
 #[cfg(test)]

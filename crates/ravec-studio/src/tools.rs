@@ -58,6 +58,8 @@ pub(crate) struct Hand<'a> {
     pub document: &'a Document,
     /// Answers questions beside the window.
     pub assistant: &'a Assistant,
+    /// The picture that the brush paints.
+    pub painting: &'a Arc<Mutex<Painting>>,
 }
 
 /// State of the window for a tool for meshes, in one frame.
@@ -101,6 +103,25 @@ impl Hand<'_> {
         let started = self.response.drag_started_by(egui::PointerButton::Primary);
         let origin = started.then(|| self.ui.input(|input| input.pointer.press_origin()))?;
         origin.map(|at| self.view.to_picture(at))
+    }
+
+    /// The position in the picture where the primary button went down in this frame, before it is known whether the hand drags or
+    /// clicks.
+    pub fn touched(&self) -> Option<[f64; 2]> {
+        let at = self.ui.input(|input| {
+            let pointer = &input.pointer;
+            let at = pointer.press_origin().or(pointer.interact_pos());
+            at.filter(|_| pointer.primary_pressed())
+        })?;
+        self.response
+            .contains_pointer()
+            .then(|| self.view.to_picture(at))
+    }
+
+    /// `true` while the primary button is held that went down on the canvas.
+    pub fn holds(&self) -> bool {
+        let is_down = self.ui.input(|input| input.pointer.primary_down());
+        is_down && self.response.is_pointer_button_down_on()
     }
 
     /// The positions of all motions of this frame in the picture, not only of the last: a fast stroke has corners otherwise.

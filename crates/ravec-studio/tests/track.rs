@@ -190,7 +190,7 @@ fn strokes_and_a_photo_of_the_plane_are_given_in_the_panel() {
     });
     std::fs::create_dir(folder.path().join("strokes")).unwrap();
     let photo = truth.frame(REFERENCE).stored();
-    for (name, image) in [("strokes/s_0006.png", strokes.into()), ("photo.png", photo)] {
+    for (name, image) in [("strokes/s_0006.png", strokes), ("photo.png", photo)] {
         let picture = ravec_media::Picture::from_image(image);
         let path = folder.path().join(name);
         ravec_media::write(&path, &picture, &ravec_media::WriteOptions::default()).unwrap();

@@ -195,6 +195,19 @@ fn strokes_that_are_undone_and_replaced_leave_the_picture_of_the_others() {
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
+        // a look at the region of a stroke, often of the next one, changes neither picture nor stroke
+        if k % 4 != 0 {
+            let next = stroke(k + usize::from(k % 4 == 1));
+            let (rect, effect) = brush.region(&next, &progress).unwrap().unwrap();
+            let selects = Stroke {
+                tool: Tool::Mask,
+                ..next
+            };
+            let with_mask = kept.iter().cloned().chain([selects]).collect();
+            let mask = painted(&image, with_mask).mask.unwrap();
+            let expected = mask.crop(rect.col, rect.row, rect.size().unwrap()).unwrap();
+            assert!(effect == expected, "region {k}");
+        }
         match (state >> 60) % 4 {
             0 if kept.len() > 1 => {
                 let before = brush.image().clone();

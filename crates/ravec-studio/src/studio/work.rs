@@ -275,6 +275,7 @@ fn picture_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Opt
     }
     let input = input_of(edit.id, &scene.snapshot, scene.on_input)?;
     let painter = ui.painter_at(response.rect);
+    let painting = open.engine.painting();
     let hand = Hand {
         ui,
         response: &response,
@@ -286,6 +287,7 @@ fn picture_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Opt
         frame: pictures.frame,
         document: open.history.document(),
         assistant: &open.assistant,
+        painting: &painting,
     };
     tool.canvas_ui(&hand, edit)
 }

@@ -8,7 +8,7 @@ use crate::engine::lock;
 use crate::shown::Shown;
 use egui::{Color32, Key, Stroke, Ui};
 use ravec::progress::Progress;
-use ravec::raster::{AnyImage, Image, Size, Srgba, with_image};
+use ravec::raster::{AnyImage, Image, Plane, Rect, Size, Srgba, with_image};
 use ravec::twocolor::brush::{Stroke as Painted, Strokes, replay};
 use ravec_media::Picture;
 use serde_json::{Map, Value, json};
@@ -191,13 +191,10 @@ impl Tool for Brush {
         if hand.ui.input(|input| input.modifiers.alt) {
             return hand.clicked().and_then(|at| picked(hand, edit, at));
         }
-        if let Some(from) = hand.pressed() {
+        // the first dab is painted under the hand, not when the button is released
+        if let Some(from) = hand.touched() {
             self.points = vec![from];
             self.base = Some(edit.clone());
-        }
-        if let Some(at) = hand.clicked() {
-            self.points.clear();
-            return Some(Gesture::done(with_stroke(edit, &[at], hand.input_size)));
         }
         if self.points.is_empty() {
             return None;
@@ -212,7 +209,7 @@ impl Tool for Brush {
         }
         let base = self.base.as_ref().filter(|base| base.id == edit.id);
         let painted = with_stroke(base.unwrap_or(edit), &self.points, hand.input_size);
-        let goes_on = hand.response.dragged();
+        let goes_on = hand.holds();
         if !goes_on {
             self.points.clear();
             self.base = None;
@@ -307,17 +304,39 @@ impl Brush {
             return;
         }
         let (picture, stroke) = (picture.clone(), dab.stroke.clone());
+        let (painting, input, edit) = (hand.painting.clone(), hand.input.clone(), edit.clone());
         hand.assistant.ask(REGION_KIND, move |_, progress| {
-            region(&picture, stroke, at, radius, progress)
+            let stroke: Painted = serde_json::from_value(stroke).ok()?;
+            let painted = input.content.picture().and_then(|before| {
+                lock(&painting).region(&input.key, &edit, before, &stroke, progress)
+            });
+            match painted {
+                Some((place, effect)) => Some(Region::new(place, &effect)),
+                None => region(&picture, stroke, at, radius, progress),
+            }
         });
         self.asked = Some(dab);
     }
 }
 
-/// The region that a dab touches.
+impl Region {
+    fn new(place: Rect, effect: &Plane) -> Self {
+        let tint: Image<Srgba<u8>> = effect.map(|coverage| {
+            let [r, g, b] = REGION;
+            Srgba([r, g, b, (110.0 * coverage) as u8])
+        });
+        let tint = Arc::new(Picture::from_image(AnyImage::from(tint)));
+        Self {
+            shown: Arc::new(Shown::new(tint)),
+            place: [place.col, place.row, place.width, place.height].map(|value| value as f64),
+        }
+    }
+}
+
+/// The region that a dab touches on a picture that was not painted here.
 fn region(
     picture: &Picture,
-    stroke: Value,
+    mut dab: Painted,
     at: [f64; 2],
     radius: f64,
     progress: &Progress,
@@ -329,20 +348,12 @@ fn region(
     let (right, bottom) = (end(0, size.width()), end(1, size.height()));
     let cut = Size::new(right.checked_sub(first[0])?, bottom.checked_sub(first[1])?).ok()?;
     let image = with_image!(&picture.image, image => image.crop(first[0], first[1], cut).map(|image| image.convert())).ok()?;
-    let mut dab: Painted = serde_json::from_value(stroke).ok()?;
     dab.points = vec![[at[0] - first[0] as f64, at[1] - first[1] as f64]];
     let mut strokes = Strokes::new(cut);
     strokes.strokes.push(dab);
     let mask = replay(image, &strokes, progress).ok()?.mask?;
-    let tint: Image<Srgba<u8>> = mask.map(|coverage| {
-        let [r, g, b] = REGION;
-        Srgba([r, g, b, (110.0 * coverage) as u8])
-    });
-    let tint = Arc::new(Picture::from_image(AnyImage::from(tint)));
-    Some(Region {
-        shown: Arc::new(Shown::new(tint)),
-        place: [first[0], first[1], cut.width(), cut.height()].map(|value| value as f64),
-    })
+    let place = Rect::new(first[0], first[1], cut.width(), cut.height());
+    Some(Region::new(place, &mask))
 }
 
 /// The edit with the color at a position, or with it as the source of clone strokes.
@@ -437,6 +448,7 @@ mod tests {
             &"mask".into(),
             &[at],
         );
+        let stroke = serde_json::from_value(stroke).unwrap();
         let region = region(&picture, stroke, at, 20.0, &Progress::none()).unwrap();
         let alpha = |col: f64, row: f64| {
             let [left, top, ..] = region.place;

@@ -11,7 +11,7 @@ use crate::content::Kind;
 use crate::document::{Document, Edit};
 use egui::{Color32, RichText, Ui};
 use ravec::progress::Progress;
-use ravec_jobs::video::edit::paste::IntoMotion;
+use ravec_jobs::video::edit::paste::SceneMotion;
 use ravec_jobs::{Context, Step};
 use serde_json::{Map, Value, json};
 use std::path::Path;
@@ -41,7 +41,7 @@ struct Motion {
     /// The file of its track.
     track: String,
     /// `None` if the file cannot be read; the result says why.
-    motion: Option<IntoMotion>,
+    motion: Option<SceneMotion>,
 }
 
 impl ShotTool {
@@ -280,7 +280,7 @@ impl ShotTool {
                 let Step::VideoPaste(paste) = step else {
                     return None;
                 };
-                let motion = paste.into_motion(&Context::new(progress)).ok();
+                let motion = paste.scene_motion(&Context::new(progress)).ok();
                 Some(Motion { track, motion })
             });
         }

@@ -1,6 +1,7 @@
 //! A picture before and after the stroke that is being painted.
 
 use super::history::Patch;
+use super::tiles::Tiles;
 use crate::clean::NoiseLevel;
 use crate::filter_error::FilterError;
 use crate::operator::{OperatorParams, noise_for};
@@ -14,8 +15,8 @@ pub(crate) struct Canvas {
     pub before: Image<LinearRgba>,
     /// The picture with the stroke.
     pub image: Image<LinearRgba>,
-    /// All pixels where the two may differ.
-    pub painted: Rect,
+    /// The tiles in which the two may differ.
+    painted: Tiles,
     /// The noise that the first cleaning stroke found in the whole picture. Later ones use it again: painting does not change
     /// what the camera did, and the estimate costs as much as the picture is large.
     noise: Option<NoiseLevel>,
@@ -25,8 +26,8 @@ impl Canvas {
     pub fn new(image: Image<LinearRgba>) -> Self {
         Self {
             before: image.clone(),
+            painted: Tiles::none(image.size()),
             image,
-            painted: Rect::new(0, 0, 0, 0),
             noise: None,
         }
     }
@@ -59,31 +60,38 @@ impl Canvas {
     /// Takes the stroke off the pixels of `region`, which must lie in the picture, before it is painted there anew.
     pub fn wipe(&mut self, region: Rect) {
         copy(&self.before, &mut self.image, region);
-        self.painted = union(self.painted, region);
+        self.painted.add(region);
     }
 
     /// Takes the stroke off; returns the pixels that may have changed.
     pub fn take_off(&mut self) -> Rect {
-        copy(&self.before, &mut self.image, self.painted);
-        std::mem::take(&mut self.painted)
+        for tile in self.painted.rects() {
+            copy(&self.before, &mut self.image, tile);
+        }
+        self.painted.clear()
     }
 
     /// The pixels that the stroke has changed, as they were before it.
     pub fn patch(&self) -> Patch {
-        Patch::between(&self.before, &self.image, self.painted)
+        Patch::between(&self.before, &self.image, &self.painted)
     }
 
     /// Makes the stroke of a patch, the last one that ended, the one that is being painted. The one after it must have been
     /// taken off.
     pub fn resume(&mut self, patch: &Patch) {
         patch.restore(&mut self.before);
-        self.painted = patch.painted;
+        self.painted.clear();
+        for tile in patch.rects() {
+            self.painted.add(tile);
+        }
     }
 
     /// Ends the stroke: the next one starts from the painted picture.
     pub fn settle(&mut self) {
-        copy(&self.image, &mut self.before, self.painted);
-        self.painted = Rect::new(0, 0, 0, 0);
+        for tile in self.painted.rects() {
+            copy(&self.image, &mut self.before, tile);
+        }
+        self.painted.clear();
     }
 }
 
@@ -92,21 +100,4 @@ fn copy(from: &Image<LinearRgba>, to: &mut Image<LinearRgba>, region: Rect) {
     for row in region.row..region.bottom() {
         to.row_mut(row)[columns.clone()].copy_from_slice(&from.row(row)[columns.clone()]);
     }
-}
-
-/// The smallest rectangle around both.
-fn union(a: Rect, b: Rect) -> Rect {
-    if a.is_empty() {
-        return b;
-    }
-    if b.is_empty() {
-        return a;
-    }
-    let (col, row) = (a.col.min(b.col), a.row.min(b.row));
-    Rect::new(
-        col,
-        row,
-        a.right().max(b.right()) - col,
-        a.bottom().max(b.bottom()) - row,
-    )
 }

@@ -45,21 +45,50 @@ pub(crate) struct Cells {
 impl Cells {
     /// No cell is filled yet.
     pub fn new(size: Size, stroke: &Stroke) -> Self {
+        let mut cells = Self::none(size, stroke);
+        cells.filled.resize_with(size.cells(SIDE).pixels(), || None);
+        cells
+    }
+
+    /// The settings, without cells.
+    fn none(size: Size, stroke: &Stroke) -> Self {
         let pointwise = |params: &OperatorParams| {
             params.iterations == 1 && !matches!(params.mode, Mode::Clean | Mode::Stamp)
         };
         Self {
             size,
             columns: size.cells(SIDE).width(),
-            filled: std::iter::repeat_with(|| None)
-                .take(size.cells(SIDE).pixels())
-                .collect(),
+            filled: Vec::new(),
             windows: WindowParams {
                 window_px: stroke.window_px,
                 ..WindowParams::default()
             },
             regional: stroke.operator().filter(|params| !pointwise(params)),
             noise: None,
+        }
+    }
+
+    /// Returns `true` if the cells of a stroke are the same windows, and nothing else.
+    pub fn suit(&self, stroke: &Stroke) -> bool {
+        let other = Self::none(self.size, stroke);
+        self.regional.is_none()
+            && other.regional.is_none()
+            && self.windows.window_px == other.windows.window_px
+    }
+
+    /// Empties the cells whose windows reach `region`, whose pixels have changed.
+    pub fn forget(&mut self, region: Rect) {
+        if region.is_empty() {
+            return;
+        }
+        let reach = self.windows.window_px / 2;
+        let cells = |first: usize, end: usize, length: usize| {
+            first.saturating_sub(reach) / SIDE..=(end - 1 + reach).min(length - 1) / SIDE
+        };
+        for y in cells(region.row, region.bottom(), self.size.height()) {
+            for x in cells(region.col, region.right(), self.size.width()) {
+                self.filled[y * self.columns + x] = None;
+            }
         }
     }
 
@@ -77,7 +106,17 @@ impl Cells {
         {
             self.noise = canvas.noise_for(params, progress)?;
         }
-        let image = &canvas.before;
+        self.fill(&canvas.before, path, region, progress)
+    }
+
+    /// Fills the cells of `region` that the path reaches with the windows of `image`. The noise is known where it is needed.
+    pub fn fill(
+        &mut self,
+        image: &Image<LinearRgba>,
+        path: &Path,
+        region: Rect,
+        progress: &Progress,
+    ) -> Result<(), StrokeError> {
         let rows = region.row / SIDE..=(region.bottom() - 1) / SIDE;
         let missing: Vec<usize> = rows
             .flat_map(|y| (region.col / SIDE..=(region.right() - 1) / SIDE).map(move |x| (x, y)))

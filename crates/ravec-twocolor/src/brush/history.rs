@@ -1,11 +1,9 @@
 //! Strokes that have ended and can be taken off again.
 
 use super::stroke::Stroke;
-use ravec_raster::{Image, LinearRgba, Rect, tiles};
+use super::tiles::Tiles;
+use ravec_raster::{Image, LinearRgba, Rect};
 use std::collections::VecDeque;
-
-/// Side of the tiles in which a stroke's pixels are kept. A slanted stroke fills little of its bounding rectangle.
-const TILE: usize = 64;
 
 /// Memory of all kept pixels: some hundred strokes of a brush as wide as a face.
 const MAX_BYTES: usize = 256 << 20;
@@ -13,27 +11,13 @@ const MAX_BYTES: usize = 256 << 20;
 /// Pixels that a stroke has changed, as they were before it.
 #[derive(Default)]
 pub(crate) struct Patch {
-    /// All pixels that the stroke may have changed.
-    pub painted: Rect,
     tiles: Vec<(Rect, Image<LinearRgba>)>,
 }
 
 impl Patch {
-    /// The tiles of `painted` in which two pictures of the same size differ, as they are in `before`.
-    pub fn between(before: &Image<LinearRgba>, after: &Image<LinearRgba>, painted: Rect) -> Self {
-        let all = painted
-            .size()
-            .into_iter()
-            .flat_map(|size| tiles(size, TILE));
-        let placed = all.map(|tile| {
-            Rect::new(
-                painted.col + tile.col,
-                painted.row + tile.row,
-                tile.width,
-                tile.height,
-            )
-        });
-        let changed = placed.filter(|tile| {
+    /// The painted tiles in which two pictures of the same size differ, as they are in `before`.
+    pub fn between(before: &Image<LinearRgba>, after: &Image<LinearRgba>, painted: &Tiles) -> Self {
+        let changed = painted.rects().filter(|tile| {
             let columns = tile.col..tile.right();
             (tile.row..tile.bottom()).any(|row| {
                 let [before, after] = [before, after].map(|image| &image.row(row)[columns.clone()]);
@@ -47,9 +31,13 @@ impl Patch {
             Some((tile, pixels))
         });
         Self {
-            painted,
             tiles: kept.collect(),
         }
+    }
+
+    /// The tiles in which the stroke has changed pixels.
+    pub fn rects(&self) -> impl Iterator<Item = Rect> {
+        self.tiles.iter().map(|(tile, _)| *tile)
     }
 
     /// Puts the pixels back.

@@ -34,6 +34,8 @@ pub struct Brush {
     canvas: Canvas,
     mask: Option<Plane>,
     cells: Cells,
+    /// Windows of the picture with the stroke, where [`region`](Self::region) has looked: those of the next stroke.
+    ahead: Option<Cells>,
     history: History,
     /// True if the noise of the picture was known before the stroke.
     noise_known: bool,
@@ -54,6 +56,7 @@ impl Brush {
             cells: Cells::new(image.size(), &stroke),
             mask: selection(&stroke, &image),
             canvas: Canvas::new(image),
+            ahead: None,
             history: History::default(),
             noise_known: false,
             stroke,
@@ -120,6 +123,8 @@ impl Brush {
             return None;
         }
         let changed = self.take_off();
+        // it is begun again on the picture before it
+        self.ahead = None;
         self.canvas.resume(&ended.patch);
         self.noise_known = ended.noise_known;
         self.put_down(ended.stroke);
@@ -131,12 +136,17 @@ impl Brush {
         if !self.noise_known {
             self.canvas.forget_noise();
         }
-        self.canvas.take_off()
+        let changed = self.canvas.take_off();
+        if let Some(ahead) = &mut self.ahead {
+            ahead.forget(changed);
+        }
+        changed
     }
 
     /// Makes `stroke` the one in the hand, without painting it; returns the one that was.
     fn put_down(&mut self, stroke: Stroke) -> Stroke {
-        self.cells = Cells::new(self.canvas.image.size(), &stroke);
+        let ahead = self.ahead.take().filter(|ahead| ahead.suit(&stroke));
+        self.cells = ahead.unwrap_or_else(|| Cells::new(self.canvas.image.size(), &stroke));
         self.mask = selection(&stroke, &self.canvas.image);
         std::mem::replace(&mut self.stroke, stroke)
     }
@@ -186,6 +196,43 @@ impl Brush {
         self.repaint(&path, region, progress)
     }
 
+    /// The pixels that `stroke` would reach if it were painted on the picture so far, and its effect on each of them, 0 to 1: what a
+    /// mask stroke would select. What is computed here is not computed again when the next stroke begins at the same place.
+    ///
+    /// # Errors
+    /// As [`begin`](Self::begin); the picture and the stroke in the hand are as they were in any case.
+    pub fn region(
+        &mut self,
+        stroke: &Stroke,
+        progress: &Progress,
+    ) -> Result<Option<(Rect, Plane)>, StrokeError> {
+        let stroke = Stroke {
+            tool: Tool::Mask,
+            ..stroke.clone()
+        };
+        check(&stroke)?;
+        let path = Path::of(&stroke);
+        let region = path
+            .bounds()
+            .intersection(Rect::of(self.canvas.image.size()));
+        let Some(size) = region.size() else {
+            return Ok(None);
+        };
+        let ahead = self.ahead.take().filter(|ahead| ahead.suit(&stroke));
+        let mut ahead = ahead.unwrap_or_else(|| Cells::new(self.canvas.image.size(), &stroke));
+        ahead.fill(&self.canvas.image, &path, region, progress)?;
+        let painter = Painter {
+            stroke: &stroke,
+            path: &path,
+            cells: &ahead,
+            before: &self.canvas.image,
+        };
+        let mut effect = Plane::new(size, 0.0);
+        painter.effect(region, &mut effect);
+        self.ahead = Some(ahead);
+        Ok(Some((region, effect)))
+    }
+
     /// The picture so far.
     pub fn image(&self) -> &Image<LinearRgba> {
         &self.canvas.image
@@ -232,6 +279,9 @@ impl Brush {
             before: &self.canvas.before,
         };
         painter.paint(region, &mut self.canvas.image, self.mask.as_mut());
+        if let Some(ahead) = &mut self.ahead {
+            ahead.forget(region);
+        }
         Ok(region)
     }
 }

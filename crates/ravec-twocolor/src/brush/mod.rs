@@ -27,6 +27,7 @@ mod history;
 mod live;
 mod path;
 mod stroke;
+mod tiles;
 mod tool;
 
 pub use live::Brush;

@@ -66,6 +66,14 @@ impl Painter<'_> {
             .sum()
     }
 
+    /// The effect on each pixel of `region`, which `effect` covers.
+    pub fn effect(&self, region: Rect, effect: &mut Plane) {
+        effect.for_each_row(|row, out| {
+            let rect = Rect::new(region.col, region.row + row, region.width, 1);
+            self.each(rect, |col, _, value| out[col - region.col] = value);
+        });
+    }
+
     /// Visits the pixels of a rectangle on which the stroke has an effect.
     fn each(&self, rect: Rect, mut visit: impl FnMut(usize, usize, f32)) -> u64 {
         let near = self.path.near(rect);

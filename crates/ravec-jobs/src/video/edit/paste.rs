@@ -231,11 +231,11 @@ impl FrameEdit for Frames {
 }
 
 /// The motion of the plane of the second clip.
-pub struct IntoMotion {
+pub struct SceneMotion {
     track: Option<ShotTrack>,
 }
 
-impl IntoMotion {
+impl SceneMotion {
     /// The map from the reference frame of the second clip to frame `index`, as warping has it, with the center of the first pixel at
     /// (0.5, 0.5); `None` for frames that its track lacks.
     pub fn frame_from_reference(&self, index: u64) -> Option<Homography> {
@@ -311,13 +311,13 @@ impl Paste {
     ///
     /// # Errors
     /// [`JobError::TrackFile`], and those of reading a file.
-    pub fn into_motion(&self, context: &Context) -> Result<IntoMotion, JobError> {
+    pub fn scene_motion(&self, context: &Context) -> Result<SceneMotion, JobError> {
         let mut report = Report::of(self, &self.params);
-        let track = self.into_track(&mut report, context)?;
-        Ok(IntoMotion { track })
+        let track = self.scene_track(&mut report, context)?;
+        Ok(SceneMotion { track })
     }
 
-    fn into_track(
+    fn scene_track(
         &self,
         report: &mut Report,
         context: &Context,
@@ -341,7 +341,7 @@ impl Paste {
         context: &Context,
     ) -> Result<Scene, JobError> {
         let params = &self.params;
-        let track = self.into_track(report, context)?;
+        let track = self.scene_track(report, context)?;
         let front = match &self.into_matte {
             Some(path) => {
                 let masks = MaskFiles {
