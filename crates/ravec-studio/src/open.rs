@@ -58,8 +58,8 @@ pub(crate) struct Open {
     pub exposure: f32,
     /// The request that the engine was asked for last.
     asked: Option<Request>,
-    /// The edit for which a quick result was asked last.
-    drafted: Option<(Edit, Arc<str>)>,
+    /// The edit and input for which a quick result was asked last, and `true` if it was a coarse one.
+    drafted: Option<(Edit, Arc<str>, bool)>,
     /// Left and top, columns and rows of the picture that were seen last.
     pub seen: [f64; 4],
     /// The canvas of quick results in the panel.
@@ -190,12 +190,19 @@ impl Open {
         }
     }
 
-    /// Asks for a quick result of an edit, if it has changed.
-    pub fn ask_draft(&mut self, edit: &Edit, draft: DraftFn, snapshot: &Snapshot, on_input: bool) {
+    /// Asks for a quick result of an edit, if it has changed; a `coarse` one while the hand moves.
+    pub fn ask_draft(
+        &mut self,
+        edit: &Edit,
+        draft: DraftFn,
+        snapshot: &Snapshot,
+        on_input: bool,
+        coarse: bool,
+    ) {
         let Some(input) = input_of(edit.id, snapshot, on_input) else {
             return;
         };
-        let wanted = (edit.clone(), input.key.clone());
+        let wanted = (edit.clone(), input.key.clone(), coarse);
         if self.drafted.as_ref() == Some(&wanted) {
             return;
         }
@@ -210,6 +217,7 @@ impl Open {
             edit: edit.clone(),
             input,
             painting: self.engine.painting(),
+            coarse,
             seen: [across * left, down * top, across * columns, down * rows],
         };
         self.assistant.ask(DRAFT, move |memory, progress| {

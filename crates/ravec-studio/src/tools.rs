@@ -186,6 +186,8 @@ pub(crate) struct DraftJob {
     pub edit: Edit,
     pub input: EditInput,
     pub painting: Arc<Mutex<Painting>>,
+    /// `true` while the hand moves, for results beside the canvas: a finer one is asked for when it rests.
+    pub coarse: bool,
     /// Left and top, columns and rows of the input that are seen.
     pub seen: [f64; 4],
 }

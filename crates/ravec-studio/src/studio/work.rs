@@ -53,7 +53,7 @@ impl Studio {
         if let Some(draft) = scene.tool.and_then(|tool| tool.draft())
             && !scene.on_input
         {
-            open.ask_draft(&gesture.edit, draft, &scene.snapshot, false);
+            open.ask_draft(&gesture.edit, draft, &scene.snapshot, false, false);
         }
         let name = format!("{} canvas", gesture.edit.id);
         open.change(gesture.edit, &name, gesture.goes_on);
@@ -149,7 +149,7 @@ fn scene<'a>(open: &mut Open, tools: &'a mut [Box<dyn Tool>]) -> Scene<'a> {
     if let (Some(edit), Some(draft)) = (&edit, drafts)
         && (beside || moving || (first && snapshot.is_stale))
     {
-        open.ask_draft(edit, draft, &snapshot, on_input);
+        open.ask_draft(edit, draft, &snapshot, on_input, beside && moving);
     }
     let draft = edit.as_ref().and_then(|edit| open.draft(edit));
     let stands = !beside && !on_input && (moving || snapshot.is_stale);

@@ -140,6 +140,7 @@ mod tests {
                 content,
             },
             painting: Arc::default(),
+            coarse: false,
             seen: [128.0, 0.0, 128.0, 64.0],
         };
         let found = draft(&job, &mut Memory::default(), &Progress::none()).unwrap();

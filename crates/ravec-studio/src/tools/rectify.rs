@@ -11,11 +11,13 @@ use crate::engine::run_in_memory;
 use crate::shown::Shown;
 use egui::{Color32, Ui};
 use ravec::progress::Progress;
+use ravec_media::Picture;
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
-/// Width of the rectified view beside the picture, in pixels.
+/// Width of the rectified view beside the picture, in pixels, and while the hand moves.
 const BESIDE_PX: u32 = 320;
+const MOVING_PX: u32 = BESIDE_PX / 2;
 
 /// Drags the corners.
 #[derive(Default)]
@@ -113,12 +115,18 @@ impl Tool for Rectify {
     }
 }
 
-/// The edit of a copy that has another size.
-fn of_copy(edit: &Edit, scale: [f64; 2]) -> Option<Edit> {
+/// A copy with twice the pixels across that a view of this width needs, and its scale, where the picture has `scale` itself.
+fn copy_for(picture: &Picture, width: u32, scale: [f64; 2]) -> (Arc<Picture>, [f64; 2]) {
+    let (small, by) = small_copy(picture, 2.0 * f64::from(width));
+    (Arc::new(small), [scale[0] * by[0], scale[1] * by[1]])
+}
+
+/// The edit of a copy that has another size, with a result of a width.
+fn of_copy(edit: &Edit, scale: [f64; 2], width: u32) -> Option<Edit> {
     let corners = corners(edit)?.map(|[x, y]| [scale[0] * x, scale[1] * y]);
     let edit = edit.with_param("quad", quad::text(&corners).into());
     let edit = edit.with_param("height", Value::Null);
-    let edit = edit.with_param("width", BESIDE_PX.into());
+    let edit = edit.with_param("width", width.into());
     let focal = edit.param("focal").as_str().unwrap_or_default();
     let in_pixels = focal
         .strip_suffix("px")
@@ -132,13 +140,21 @@ fn of_copy(edit: &Edit, scale: [f64; 2]) -> Option<Edit> {
 /// The rectified view at the size of a thumbnail, with its proportions in words.
 fn draft(job: &DraftJob, memory: &mut Memory, progress: &Progress) -> Option<DraftView> {
     let picture = job.input.content.picture()?;
-    let small = memory.keep("small copy", &job.input.key, || {
-        let (small, scale) = small_copy(picture, 2.0 * f64::from(BESIDE_PX));
-        Ok::<_, ()>((Arc::new(small), scale))
+    let key = &job.input.key;
+    let small = memory.keep("small copy", key, || {
+        Ok::<_, ()>(copy_for(picture, BESIDE_PX, [1.0; 2]))
     });
-    let (small, scale) = small.ok()?;
-    let edit = of_copy(&job.edit, *scale)?;
-    let input = Content::Picture(small.clone());
+    let mut copy = small.ok()?.clone();
+    if job.coarse {
+        let smaller = memory.keep("smaller copy", key, || {
+            Ok::<_, ()>(copy_for(&copy.0, MOVING_PX, copy.1))
+        });
+        copy = smaller.ok()?.clone();
+    }
+    let (small, scale) = copy;
+    let width = if job.coarse { MOVING_PX } else { BESIDE_PX };
+    let edit = of_copy(&job.edit, scale, width)?;
+    let input = Content::Picture(small);
     let (output, report) = run_in_memory(&edit, &input, progress).ok()?;
     let result = report.result.unwrap_or_default();
     let from = match result["aspect_from"].as_str().unwrap_or_default() {
