@@ -284,7 +284,8 @@ impl Tool for MeshTool {
     }
 }
 
-/// The offset at a tenth of the distance as its tolerance, not simplified.
+/// The offset at a fifth of the distance as its tolerance, not simplified. Its time depends on the distance alone: cells are as large
+/// as the distance allows.
 pub(crate) fn coarse_offset(
     job: &DraftJob,
     _memory: &mut Memory,
