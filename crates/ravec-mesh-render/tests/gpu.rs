@@ -517,3 +517,24 @@ fn hostile_meshes_and_parameters_give_a_picture_or_a_sentence() {
         assert_eq!(refused.err(), Some(RenderError::Size { width, height }));
     }
 }
+
+#[test]
+fn a_device_that_is_lost_is_an_error() {
+    let _lock = lock();
+    let Some(stage) = stage() else { return };
+    let mesh = cuboid(DVec3::ONE).mesh;
+    let params = params(&mesh, View::ISO, PERSPECTIVE);
+    let uploaded = stage.upload(&mesh, &Paint::Plain, &params);
+    let mut picture = GpuPicture::new(&stage.renderer);
+    stage.device.destroy();
+    let prepared = PreparedMesh::new(Arc::new(mesh));
+    let (plain, progress) = (Paint::Plain, Progress::none());
+    let refused = GpuMesh::new(&stage.renderer, &prepared, &plain, None, 30.0, &progress);
+    assert_eq!(refused.err(), Some(RenderError::Device));
+    // an encoder of the lost device takes the commands or refuses them, and nothing panics
+    stage.device.on_uncaptured_error(Arc::new(|_| {}));
+    let descriptor = wgpu::CommandEncoderDescriptor::default();
+    let mut encoder = stage.device.create_command_encoder(&descriptor);
+    let recorded = picture.record(&stage.renderer, &mut encoder, &uploaded, &params, 1.0);
+    assert!(matches!(recorded, Ok(()) | Err(RenderError::Device)));
+}

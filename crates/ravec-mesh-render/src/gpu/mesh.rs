@@ -8,7 +8,6 @@ use crate::{Legend, MarkedEdges, Paint, RenderError};
 use glam::{DVec3, Vec3};
 use ravec_mesh::{Aabb, KeyedSet, TriMesh, par_collect};
 use ravec_progress::Progress;
-use wgpu::util::DeviceExt as _;
 
 /// An edge as `mesh.wgsl` reads it.
 #[derive(Debug, Clone, Copy, bytemuck::Zeroable, bytemuck::Pod)]
@@ -153,9 +152,14 @@ impl Uploads<'_> {
         arrays: [&[u8]; 5],
         usage: wgpu::BufferUsages,
     ) -> Result<[wgpu::Buffer; 5], RenderError> {
-        scoped(&self.renderer.device, || {
-            arrays.map(|array| self.buffer(array, usage))
-        })
+        let [positions, triangles, normals, paints, scale] = arrays;
+        Ok([
+            self.buffer(positions, usage)?,
+            self.buffer(triangles, usage)?,
+            self.buffer(normals, usage)?,
+            self.buffer(paints, usage)?,
+            self.buffer(scale, usage)?,
+        ])
     }
 
     fn edges(&self, edges: &[Edge]) -> Result<Edged, RenderError> {
@@ -164,22 +168,32 @@ impl Uploads<'_> {
         if bytes > limit {
             return Err(RenderError::DeviceMemory { bytes, limit });
         }
-        scoped(&self.renderer.device, || Edged {
-            buffer: self.buffer(bytemuck::cast_slice(edges), wgpu::BufferUsages::VERTEX),
+        let bytes = bytemuck::cast_slice(edges);
+        Ok(Edged {
+            buffer: self.buffer(bytes, wgpu::BufferUsages::VERTEX)?,
             count: edges.len() as u32,
         })
     }
 
-    fn buffer(&self, bytes: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    fn buffer(&self, bytes: &[u8], usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, RenderError> {
         // bindings are not empty, nor smaller than one entry
-        let contents = if bytes.is_empty() { &[0; 16] } else { bytes };
-        self.renderer
-            .device
-            .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        let bytes = if bytes.is_empty() { &[0; 16] } else { bytes };
+        let device = &self.renderer.device;
+        let buffer = scoped(device, || {
+            device.create_buffer(&wgpu::BufferDescriptor {
                 label: None,
-                contents,
+                size: bytes.len() as u64,
                 usage,
+                mapped_at_creation: true,
             })
+        })?;
+        // a device that is lost or has no memory left maps nothing
+        let mapped = buffer.get_mapped_range_mut(..);
+        let mut mapped = mapped.map_err(|_| RenderError::Device)?;
+        mapped.copy_from_slice(bytes);
+        drop(mapped);
+        buffer.unmap();
+        Ok(buffer)
     }
 }
 

@@ -1,7 +1,7 @@
 //! A picture in the memory of a device.
 
 use super::mesh::{Edged, GpuMesh};
-use super::{DEPTH_FORMAT, GpuRenderer, PICTURE_FORMAT, SAMPLES, light};
+use super::{DEPTH_FORMAT, GpuRenderer, PICTURE_FORMAT, SAMPLES, light, scoped};
 use crate::camera::{Projector, corners};
 use crate::{LineStyle, RenderError, RenderParams, color};
 use glam::{DVec3, Mat3};
@@ -112,7 +112,8 @@ impl GpuPicture {
     /// marked edges are those of the mesh in memory.
     ///
     /// # Errors
-    /// As [`render`](crate::render); [`RenderError::Size`] also for pictures larger than the textures of the device.
+    /// As [`render`](crate::render); [`RenderError::Size`] also for pictures larger than the textures of the device, and
+    /// [`RenderError::Device`] if the device refuses or is lost.
     pub fn record(
         &mut self,
         renderer: &GpuRenderer,
@@ -128,6 +129,20 @@ impl GpuPicture {
             let [width, height] = size;
             return Err(RenderError::Size { width, height });
         }
+        scoped(&renderer.device, || {
+            self.draw(renderer, encoder, mesh, params, opacity);
+        })
+    }
+
+    fn draw(
+        &mut self,
+        renderer: &GpuRenderer,
+        encoder: &mut wgpu::CommandEncoder,
+        mesh: &GpuMesh,
+        params: &RenderParams,
+        opacity: f32,
+    ) {
+        let size = [params.width, params.height];
         let copy = Copy {
             opacity,
             encodes: renderer.encodes.into(),
@@ -182,7 +197,6 @@ impl GpuPicture {
             };
             pass.draw(0..4, 0..instances);
         }
-        Ok(())
     }
 
     /// Draws the picture over the viewport of a pass, whose target has the format of the renderer.

@@ -299,10 +299,8 @@ impl MeshCanvas {
             style: self.style(background, pixels_per_point),
         };
         let failure = self.renderer.failure(&wanted);
-        let layers = self
-            .gpu
-            .as_ref()
-            .and_then(|_| self.renderer.layers(&wanted));
+        let gpu = self.gpu.as_ref().filter(|gpu| gpu.is_usable());
+        let layers = gpu.and_then(|_| self.renderer.layers(&wanted));
         self.request(ui, wanted, layers.is_some());
         self.take(ui);
         self.want_picker(shown);

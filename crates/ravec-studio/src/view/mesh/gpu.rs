@@ -9,6 +9,7 @@ use egui::{PaintCallbackInfo, Rect, Shape};
 use ravec::mesh_render::gpu::{GpuMesh, GpuPicture, GpuRenderer};
 use ravec::mesh_render::{PreparedMesh, RenderError, RenderParams};
 use ravec::progress::Progress;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// The device of the window. Clones share its pipelines.
@@ -23,6 +24,8 @@ struct Shared {
     format: wgpu::TextureFormat,
     /// `None` once the device has refused to compile them.
     renderer: OnceLock<Option<Arc<GpuRenderer>>>,
+    /// `true` once the device has refused to draw: the CPU goes on.
+    refused: AtomicBool,
 }
 
 impl MeshGpu {
@@ -34,8 +37,14 @@ impl MeshGpu {
                 queue: state.queue.clone(),
                 format: state.target_format,
                 renderer: OnceLock::new(),
+                refused: AtomicBool::new(false),
             }),
         })
+    }
+
+    /// `true` until the device refuses to draw, such as one that is lost.
+    pub(super) fn is_usable(&self) -> bool {
+        !self.shared.refused.load(Ordering::Relaxed)
     }
 
     /// The pipelines. The first call compiles them: not to be called from the window's thread.
@@ -78,6 +87,7 @@ impl MeshGpu {
             renderer: renderer.clone(),
             layers,
             pictures: pictures.clone(),
+            shared: self.shared.clone(),
         };
         Callback::new_paint_callback(area, frame).into()
     }
@@ -98,6 +108,7 @@ struct Frame {
     renderer: Arc<GpuRenderer>,
     layers: Vec<Layer>,
     pictures: Pictures,
+    shared: Arc<Shared>,
 }
 
 impl CallbackTrait for Frame {
@@ -118,8 +129,11 @@ impl CallbackTrait for Frame {
                 params,
                 opacity,
             } = layer;
-            // parameters that the CPU refuses, too: its sentence is shown
-            let _ = picture.record(renderer, encoder, mesh, params, *opacity);
+            let recorded = picture.record(renderer, encoder, mesh, params, *opacity);
+            // other errors are those of the CPU, which says them
+            if recorded == Err(RenderError::Device) {
+                self.shared.refused.store(true, Ordering::Relaxed);
+            }
         }
         Vec::new()
     }
