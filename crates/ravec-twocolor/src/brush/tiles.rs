@@ -78,7 +78,7 @@ mod tests {
             tiles.add(region);
         }
         let rects: Vec<Rect> = tiles.rects().collect();
-        assert_eq!(rects.len(), 5);
+        assert_eq!(rects.len(), 6);
         let covers = |rect: &Rect, col, row| rect.contains(col, row);
         for region in &regions[..3] {
             for (col, row) in [
