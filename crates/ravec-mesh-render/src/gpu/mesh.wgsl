@@ -218,7 +218,7 @@ struct Line {
 }
 
 const MIN_BIAS: f32 = 1e-5;
-const MAX_BIAS: f32 = 2e-2;
+const MAX_BIAS: f32 = 5e-3;
 
 // By how much the depth of a surface changes over a pixel.
 fn slope(normal: vec3<f32>, distance: f32) -> f32 {

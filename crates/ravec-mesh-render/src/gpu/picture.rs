@@ -170,8 +170,10 @@ impl GpuPicture {
         let mut pass = textures.begin(encoder, params);
         pass.set_stencil_reference(1);
         pass.set_bind_group(0, &mesh_group, &[]);
-        pass.set_pipeline(&renderer.surface);
-        pass.draw(0..3 * mesh.triangles, 0..1);
+        for surface in &renderer.surfaces {
+            pass.set_pipeline(surface);
+            pass.draw(0..3 * mesh.triangles, 0..1);
+        }
         let is_capped = params.section.is_some_and(|section| section.capped);
         let edges = &renderer.edges[usize::from(is_capped)];
         let [wire, features, cut, marked] = [0, 1, 2, 3].map(|line: usize| {

@@ -3,12 +3,13 @@
 use super::ShownMesh;
 use super::gpu::{MeshGpu, Pictures};
 use super::legend::{paint_axes, paint_legend};
+use super::look::{Style, Wanted};
 use super::marks::paint_marks;
 use super::measure::{self, Measured, Measuring};
 use super::options::{self, Command, MeshOptions};
 use super::orbit::{MeshView, OrbitCamera};
 use super::picker::{self, Picked, Picker};
-use super::renderer::{Drawn, Renderer, Style, Wanted};
+use super::renderer::{Drawn, Renderer};
 use egui::{
     Align2, Color32, ColorImage, EventFilter, FontId, ImageData, Key, Painter, PointerButton, Pos2,
     Rect, Response, Sense, TextureHandle, TextureOptions, Ui, Vec2, pos2, vec2,

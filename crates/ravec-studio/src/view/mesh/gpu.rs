@@ -1,6 +1,6 @@
 //! Meshes that the adapter of the window draws, at each frame, while the hand moves.
 
-use super::renderer::{self, Wanted};
+use super::look::{self, Wanted};
 use eframe::egui_wgpu::{
     Callback, CallbackResources, CallbackTrait, RenderState, ScreenDescriptor,
 };
@@ -68,8 +68,8 @@ impl MeshGpu {
         let Some(renderer) = self.renderer() else {
             return Ok(None);
         };
-        let paint = renderer::paint(wanted, is_ghost);
-        let marked = renderer::marked(wanted).filter(|_| !is_ghost);
+        let paint = look::paint(wanted, is_ghost);
+        let marked = look::marked(wanted).filter(|_| !is_ghost);
         let angle = RenderParams::default().smooth_angle_deg;
         match GpuMesh::new(renderer, prepared, &paint, marked.as_ref(), angle, progress) {
             Ok(mesh) => Ok(Some(Arc::new(mesh))),
@@ -78,7 +78,7 @@ impl MeshGpu {
         }
     }
 
-    /// What draws `mesh`, and `ghost` over it, in `area`.
+    /// Shape that draws the layers in `area`, one over the other.
     pub(super) fn shape(&self, pictures: &Pictures, area: Rect, layers: Vec<Layer>) -> Shape {
         let Some(Some(renderer)) = self.shared.renderer.get() else {
             return Shape::Noop;

@@ -7,10 +7,12 @@
 mod canvas;
 mod gpu;
 mod legend;
+mod look;
 mod marks;
 mod measure;
 mod options;
 mod orbit;
+mod pace;
 mod picker;
 mod renderer;
 

@@ -7,124 +7,21 @@
 //!
 //! Guarantees: no call waits for the thread; pictures come in the order of requests.
 
+use super::ShownMesh;
 use super::gpu::{Layer, MeshGpu};
-use super::{MarkedPlace, ShownMesh};
+use super::look::{GHOST_ALPHA, Look, Wanted, ghost_params, marked_edges, paint, params};
+use super::pace::{FINE, Pace, Quality};
 use egui::{Color32, ColorImage};
 use ravec::mesh::TriMesh;
 use ravec::mesh_render::gpu::GpuMesh;
-use ravec::mesh_render::{
-    Camera, FeatureLines, Legend, LineStyle, MarkedEdges, Paint, PreparedMesh, RenderError,
-    RenderParams, Rendering, Rgb8, Section, Values,
-};
+use ravec::mesh_render::{Legend, Paint, PreparedMesh, RenderError, Rendering};
 use ravec::progress::Progress;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
-
-/// Longest side of a picture in pixels: more than any screen has.
-const MAX_SIDE: u32 = 8192;
+use std::time::Instant;
 
 /// Meshes of which the parts that do not depend on the view are kept.
 const KEPT: usize = 3;
-
-/// Drafts that take longer become coarser, so that ten appear in a second.
-const DRAFT_TIME: Duration = Duration::from_millis(80);
-
-/// Triangles from which the first drafts have a quarter of the pixels: a tenth of a second at all of them.
-const MANY_TRIANGLES: usize = 400_000;
-
-/// The cover of the ghost.
-const GHOST_ALPHA: f32 = 0.3;
-
-const GHOST_COLOR: Rgb8 = [96, 150, 214];
-const MARK_COLOR: Rgb8 = [226, 32, 44];
-
-/// Everything that a picture depends on.
-#[derive(Debug, Clone)]
-pub(super) struct Wanted {
-    pub shown: Arc<ShownMesh>,
-    pub ghost: Option<Arc<ShownMesh>>,
-    pub camera: Camera,
-    /// Pixels of the screen.
-    pub size: [u32; 2],
-    pub style: Style,
-}
-
-/// The look of a picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
-pub(super) struct Style {
-    pub background: Rgb8,
-    pub shaded: bool,
-    pub smooth: bool,
-    pub all_edges: bool,
-    /// Angle of feature edges in degrees.
-    pub features: Option<f64>,
-    pub colors: bool,
-    pub marks: bool,
-    pub section: Option<Section>,
-    /// Pixels of a line that is one point wide.
-    pub pixels_per_point: f32,
-}
-
-impl PartialEq for Wanted {
-    fn eq(&self, other: &Self) -> bool {
-        let ghosts = match (&self.ghost, &other.ghost) {
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-            (None, None) => true,
-            _ => false,
-        };
-        Arc::ptr_eq(&self.shown, &other.shown)
-            && ghosts
-            && self.camera == other.camera
-            && self.size == other.size
-            && self.style == other.style
-    }
-}
-
-/// Fineness of a picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Quality {
-    samples: u32,
-    /// Pixels of the screen for each pixel of the picture, along each side.
-    divisor: u32,
-    lines: bool,
-}
-
-const FINE: Quality = Quality {
-    samples: 2,
-    divisor: 1,
-    lines: true,
-};
-
-/// Drafts from the finest to the coarsest.
-const DRAFTS: [Quality; 5] = [
-    Quality {
-        samples: 1,
-        divisor: 1,
-        lines: true,
-    },
-    Quality {
-        samples: 1,
-        divisor: 2,
-        lines: true,
-    },
-    Quality {
-        samples: 1,
-        divisor: 2,
-        lines: false,
-    },
-    Quality {
-        samples: 1,
-        divisor: 3,
-        lines: false,
-    },
-    Quality {
-        samples: 1,
-        divisor: 4,
-        lines: false,
-    },
-];
 
 /// A picture of the canvas.
 #[derive(Clone)]
@@ -163,32 +60,9 @@ struct Uploaded {
     mesh: Option<Arc<GpuMesh>>,
 }
 
-/// The part of the look that is copied along with a mesh.
-#[derive(Clone, Copy, PartialEq)]
-struct Look {
-    has_colors: bool,
-    is_ghost: bool,
-}
-
 impl Uploaded {
     fn is_of(&self, shown: &Arc<ShownMesh>, look: Look) -> bool {
         Arc::ptr_eq(&self.shown, shown) && self.look == look
-    }
-}
-
-impl Wanted {
-    /// The mesh and its ghost, with their looks.
-    fn meshes(&self) -> impl Iterator<Item = (&Arc<ShownMesh>, Look)> {
-        let mesh = Look {
-            has_colors: self.style.colors && self.shown.values.is_some(),
-            is_ghost: false,
-        };
-        let ghost = Look {
-            has_colors: false,
-            is_ghost: true,
-        };
-        let ghosts = self.ghost.iter().map(move |shown| (shown, ghost));
-        std::iter::once((&self.shown, mesh)).chain(ghosts)
     }
 }
 
@@ -262,8 +136,8 @@ impl Renderer {
         self.shared.wake.notify_all();
     }
 
-    /// What the GPU draws in place of a draft: the mesh and its ghost. `None` until both are copied there, and if it has refused
-    /// one of them.
+    /// Layers of the mesh and its ghost, to be drawn by the GPU in place of a draft. `None` until both are copied there, and if it has
+    /// refused one of them.
     pub fn layers(&self, wanted: &Wanted) -> Option<Vec<Layer>> {
         let state = self.shared.state();
         let mut layers = Vec::new();
@@ -443,50 +317,6 @@ fn upload(
     Ok(is_new)
 }
 
-/// Coarseness of drafts, by the time that they took.
-#[derive(Default)]
-struct Pace {
-    level: usize,
-    mesh: Option<Arc<TriMesh>>,
-    /// The coarsest level that took too long since the hand last rested: drafts that change to and fro would flicker.
-    slow: Option<usize>,
-    /// `true` if the draft that is being made is the first of its mesh, which takes longer than others.
-    first: bool,
-}
-
-impl Pace {
-    fn quality(&mut self, mesh: &Arc<TriMesh>) -> Quality {
-        let known = self.mesh.as_ref();
-        self.first = !known.is_some_and(|known| Arc::ptr_eq(known, mesh));
-        if self.first {
-            self.level = usize::from(mesh.triangles().len() > MANY_TRIANGLES);
-            self.slow = None;
-            self.mesh = Some(mesh.clone());
-        }
-        DRAFTS[self.level]
-    }
-
-    /// Takes note of the time of a draft.
-    fn record(&mut self, time: Duration) {
-        if self.first {
-            return;
-        }
-        // all pixels of the screen are four times as many as the next level has
-        let room = if self.level == 1 { 4 } else { 2 };
-        if time > DRAFT_TIME {
-            self.slow = self.slow.max(Some(self.level));
-            self.level = (self.level + 1).min(DRAFTS.len() - 1);
-        } else if time < DRAFT_TIME / room && self.level > self.slow.map_or(0, |slow| slow + 1) {
-            self.level -= 1;
-        }
-    }
-
-    /// Takes note that the hand rests.
-    fn rest(&mut self) {
-        self.slow = None;
-    }
-}
-
 /// The meshes that were drawn last.
 #[derive(Default)]
 struct Meshes {
@@ -532,41 +362,6 @@ fn draw(
     Ok((ColorImage::new(size, colors.collect()), legend))
 }
 
-/// The colors of the mesh of `wanted`, or of its ghost.
-pub(super) fn paint(wanted: &Wanted, is_ghost: bool) -> Paint<'_> {
-    match &wanted.shown.values {
-        Some(values) if wanted.style.colors && !is_ghost => Paint::VertexValues(Values {
-            values: &values.values,
-            map: values.map,
-            range: values.range,
-        }),
-        _ => Paint::Plain,
-    }
-}
-
-/// The marked edges of the mesh, whether they are shown or not.
-pub(super) fn marked(wanted: &Wanted) -> Option<MarkedEdges> {
-    let edges = marked_edges(&wanted.shown);
-    let style = LineStyle {
-        color: MARK_COLOR,
-        width_px: 1.0,
-    };
-    (!edges.is_empty()).then_some(MarkedEdges { edges, style })
-}
-
-/// The look of the ghost of a picture.
-fn ghost_params(params: &RenderParams) -> RenderParams {
-    RenderParams {
-        background: None,
-        front_color: GHOST_COLOR,
-        back_color: GHOST_COLOR,
-        marked: None,
-        wireframe: None,
-        shaded: true,
-        ..params.clone()
-    }
-}
-
 /// Lays the ghost over a picture.
 fn blend(pixels: &mut [u8], ghost: &[u8]) {
     for (pixel, over) in pixels.chunks_exact_mut(4).zip(ghost.chunks_exact(4)) {
@@ -580,134 +375,9 @@ fn blend(pixels: &mut [u8], ghost: &[u8]) {
     }
 }
 
-/// The pixels of a picture of a quality.
-fn size(wanted: &Wanted, quality: Quality) -> [u32; 2] {
-    let larger = wanted.size[0].max(wanted.size[1]);
-    let divisor = quality.divisor.max(larger.div_ceil(MAX_SIDE));
-    wanted.size.map(|side| side.div_ceil(divisor).max(1))
-}
-
-/// Parameters of a picture, with `edges` in the style of marks if marks are shown.
-fn params(wanted: &Wanted, quality: Quality, edges: Option<Vec<[u32; 2]>>) -> RenderParams {
-    let style = &wanted.style;
-    let [width, height] = size(wanted, quality);
-    let scale = f64::from(style.pixels_per_point) * f64::from(width.min(height))
-        / f64::from(wanted.size[0].min(wanted.size[1]).max(1));
-    let line = |color: Rgb8, width: f64| LineStyle {
-        color,
-        width_px: (width * scale).clamp(0.5, 64.0),
-    };
-    let surface = |color: Rgb8| {
-        if style.shaded {
-            color
-        } else {
-            style.background
-        }
-    };
-    let defaults = RenderParams::default();
-    let dark = style.background[1] < 128;
-    // lines of a drawing without shades must differ from its background
-    let ink = if dark && !style.shaded {
-        [206, 212, 220]
-    } else {
-        [24, 28, 34]
-    };
-    RenderParams {
-        width,
-        height,
-        samples_per_side: quality.samples,
-        camera: wanted.camera,
-        smooth_angle_deg: if style.smooth {
-            defaults.smooth_angle_deg
-        } else {
-            0.0
-        },
-        shaded: style.shaded,
-        front_color: surface(defaults.front_color),
-        back_color: surface(defaults.back_color),
-        background: Some(style.background),
-        wireframe: (style.all_edges && quality.lines).then(|| {
-            let color = if style.shaded { [92, 104, 118] } else { ink };
-            line(color, 0.7)
-        }),
-        features: style
-            .features
-            .filter(|_| quality.lines)
-            .map(|angle_deg| FeatureLines {
-                angle_deg: angle_deg.clamp(0.0, 180.0),
-                silhouettes: true,
-                style: line(ink, 1.2),
-            }),
-        marked: edges.filter(|_| style.marks).map(|edges| MarkedEdges {
-            edges,
-            style: line(MARK_COLOR, 3.0),
-        }),
-        section: style.section,
-        ..defaults
-    }
-}
-
-/// The edges of the mesh that are marked.
-fn marked_edges(shown: &ShownMesh) -> Vec<[u32; 2]> {
-    let triangles = shown.mesh.triangles();
-    let mut edges = Vec::new();
-    for place in &shown.marked {
-        match *place {
-            MarkedPlace::Edge(edge) => edges.push(edge),
-            MarkedPlace::Triangle(triangle) => {
-                if let Some(&[a, b, c]) = triangles.get(triangle as usize) {
-                    edges.extend([[a, b], [b, c], [c, a]]);
-                }
-            }
-            MarkedPlace::Point(_) | MarkedPlace::Segment(_) => {}
-        }
-    }
-    edges
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn pace() -> Pace {
-        let mesh = TriMesh::new(Vec::new(), Vec::new());
-        let mut pace = Pace::default();
-        let mesh = Arc::new(mesh.unwrap());
-        assert_eq!(pace.quality(&mesh), DRAFTS[0]);
-        // the first draft computes what is kept
-        pace.record(10 * DRAFT_TIME);
-        assert_eq!(pace.quality(&mesh), DRAFTS[0]);
-        pace
-    }
-
-    #[test]
-    fn slow_drafts_become_coarse_and_fast_ones_fine() {
-        let mut pace = pace();
-        for _ in 0..9 {
-            pace.record(2 * DRAFT_TIME);
-        }
-        assert_eq!(pace.level, DRAFTS.len() - 1);
-        pace.rest();
-        for _ in 0..9 {
-            pace.record(DRAFT_TIME / 9);
-        }
-        assert_eq!(pace.level, 0);
-    }
-
-    #[test]
-    fn drafts_do_not_change_to_and_fro_while_the_hand_moves() {
-        let mut pace = pace();
-        let mut levels = Vec::new();
-        for _ in 0..20 {
-            pace.record(if pace.level < 2 {
-                2 * DRAFT_TIME
-            } else {
-                DRAFT_TIME / 9
-            });
-            levels.push(pace.level);
-        }
-        assert!(levels[1..].iter().all(|&level| level == 2), "{levels:?}");
-    }
 
     #[test]
     fn a_ghost_tints_what_it_covers() {
