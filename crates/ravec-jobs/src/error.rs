@@ -489,7 +489,7 @@ impl JobError {
 
 impl JobError {
     /// Why the picture in a file cannot get another format.
-    pub(crate) fn from_retargeting(path: &Path, cause: RetargetError) -> Self {
+    pub fn from_retargeting(path: &Path, cause: RetargetError) -> Self {
         match cause {
             RetargetError::Cancelled(_) => Self::Cancelled,
             cause => Self::Retarget {

@@ -63,10 +63,10 @@ fn shot(
 ) -> AnyImage {
     let middle = dvec2(size.width() as f64, size.height() as f64) * 0.5;
     let spread = frame_from_photo.jacobian(middle);
-    // a sample every third of a pixel of the frame at least
-    let side = (3.0 * spread.col(0).length().max(spread.col(1).length()))
+    // two samples a pixel of the frame and of the photo at least, along each side
+    let side = (2.0 * spread.col(0).length().max(spread.col(1).length()))
         .ceil()
-        .clamp(3.0, 12.0) as usize;
+        .clamp(2.0, 8.0) as usize;
     let footprint = spread.determinant().abs().sqrt() / side as f64;
     let mut image = Image::new(size, LinearRgb([0.0; 3]));
     image.par_rows_mut().enumerate().for_each(|(row, line)| {

@@ -1,4 +1,4 @@
-//! Tracks, plates and strokes of a clip, found beside the window: what edits of a shot need before they can show a frame.
+//! Tracks, plates, strokes and deformations of a clip, found beside the window: what edits need before they can show a frame.
 //!
 //! One thread a document goes through its analyses in their order, whenever they change, and runs those whose result is not known. A
 //! change of the analysis that is running stops it; a change of later ones does not.
@@ -6,8 +6,9 @@
 //! Of a plate the result is its picture, of a track its file, both kept in memory under names of their own. A matte is not
 //! written for the whole clip: its strokes are carried through it, and then any frame has its matte in a moment.
 
+use crate::clip_forms::{self, ClipForms, forms_key};
 use crate::document::{Document, Edit, EditId, is_result_name};
-use crate::engine::{lock, source_key};
+use crate::engine::{RunError, lock, source_key};
 use crate::tools::measure_key;
 use crate::tracking::Tracking;
 use ravec::progress::{Progress, Update};
@@ -18,16 +19,20 @@ use ravec_jobs::{Context, JobError, Report, Step};
 use ravec_media::Picture;
 use ravec_video::FrameSource as _;
 use serde_json::Value;
+use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Pause between looks at a track that is measured for the canvas.
 const LOOK: Duration = Duration::from_millis(30);
 
-/// Pause after a stroke before it is carried through the shot.
+/// Pause between looks of the canvas at deformations that are settled.
+const LOOK_FORMS: Duration = Duration::from_millis(250);
+
+/// Pause after a change before it is carried through the shot.
 const PAUSE: Duration = Duration::from_millis(400);
 
 /// Result of an analysis.
@@ -41,6 +46,8 @@ pub(crate) struct Found {
     name: PathBuf,
     /// The matte of any frame.
     pub mattes: Option<FrameMattes>,
+    /// The deformations of frames, which are settled one after the other.
+    pub forms: Option<Arc<ClipForms>>,
 }
 
 /// State of an analysis.
@@ -176,9 +183,10 @@ pub(crate) struct Analyses {
     worker: Option<JoinHandle<()>>,
 }
 
-/// True for an edit whose result is found here. A matte without an output of its own is one: the clip becomes its foreground.
+/// True for an edit whose result is found here. A matte without an output of its own is one: the clip becomes its foreground. So is
+/// retargeting, whose deformations depend on all frames.
 fn is_found(edit: &Edit) -> bool {
-    edit.is_analysis() || edit.operation == "matte"
+    edit.is_analysis() || matches!(edit.operation.as_str(), "matte" | "retarget")
 }
 
 /// All that an analysis gives to other edits, by its names in the document: the result, and the map of planes of a plate.
@@ -187,15 +195,15 @@ fn outputs_of(edit: &Edit) -> impl Iterator<Item = PathBuf> + use<> {
     std::iter::once(output_of(edit)).chain(regions)
 }
 
-/// The output of an analysis in a document, or a name for the result of a matte without one.
+/// The output of an analysis in a document, or a name for the result of an edit without one.
 fn output_of(edit: &Edit) -> PathBuf {
     edit.output()
-        .map_or_else(|| format!("@foreground-{}", edit.id).into(), PathBuf::from)
+        .map_or_else(|| format!("@found-{}", edit.id).into(), PathBuf::from)
 }
 
-/// The analyses up to and including one, as far as they are not passed over.
+/// The edits up to and including one, as far as they are not passed over.
 fn up_to(document: &Document, id: EditId) -> Vec<&Arc<Edit>> {
-    let mut found: Vec<_> = document.enabled().filter(|edit| is_found(edit)).collect();
+    let mut found: Vec<_> = document.enabled().collect();
     let end = found.iter().position(|edit| edit.id == id);
     found.truncate(end.map_or(0, |end| end + 1));
     found
@@ -336,7 +344,11 @@ fn go_through(
         if lock(&shared.state).wanted.is_some() {
             return;
         }
-        let outcome = run(shared, tracking, document, edit, failed);
+        let outcome = if edit.operation == "retarget" {
+            find_forms(shared, document, edit, failed)
+        } else {
+            run(shared, tracking, document, edit, failed)
+        };
         let mut state = lock(&shared.state);
         state.running = None;
         let mut results = HashMap::clone(&state.view.results);
@@ -437,6 +449,7 @@ impl Job {
             unmarked: self.unmarked.clone(),
             name: name.clone(),
             mattes: mattes.cloned(),
+            forms: None,
         };
         self.names.iter().map(found).collect()
     }
@@ -484,14 +497,7 @@ fn run(
     if edit.operation == "matte" && !pause(shared) {
         return Outcome::Later;
     }
-    let progress = watched(shared, edit.id);
-    {
-        let mut state = lock(&shared.state);
-        state.running = Some((edit.id, progress.clone()));
-        let running = AnalysisState::Running("", 0.0);
-        state.states.insert(edit.id, running);
-    }
-    (shared.repaint)();
+    let progress = begin(shared, edit.id);
     let context = view.context(&progress);
     let done = match &job.step {
         Step::Track(track) => {
@@ -512,6 +518,86 @@ fn run(
             Outcome::Failed(match error {
                 JobError::Cancelled => "it was stopped".to_owned(),
                 error => error.to_string(),
+            })
+        }
+    }
+}
+
+/// The progress of an analysis that begins to run.
+fn begin(shared: &Arc<Shared>, id: EditId) -> Progress {
+    let progress = watched(shared, id);
+    {
+        let mut state = lock(&shared.state);
+        state.running = Some((id, progress.clone()));
+        let running = AnalysisState::Running("", 0.0);
+        state.states.insert(id, running);
+    }
+    (shared.repaint)();
+    progress
+}
+
+/// Finds the deformations of the frames of a clip that is retargeted, unless they are known. Those that are settled are published
+/// on the way.
+fn find_forms(
+    shared: &Arc<Shared>,
+    document: &Document,
+    edit: &Arc<Edit>,
+    failed: &mut HashMap<EditId, Arc<str>>,
+) -> Outcome {
+    let view = lock(&shared.state).view.clone();
+    let Some(key) = forms_key(edit, document, &view) else {
+        return Outcome::Waits;
+    };
+    let key: Arc<str> = key.into();
+    let known = view.found(edit).and_then(|found| found.forms.clone());
+    if known.is_some_and(|forms| forms.key == key && forms.is_complete()) {
+        return Outcome::Known;
+    }
+    if failed.get(&edit.id) == Some(&key)
+        && let Some(AnalysisState::Failed(reason)) = lock(&shared.state).states.get(&edit.id)
+    {
+        return Outcome::Failed(reason.clone());
+    }
+    if !pause(shared) {
+        return Outcome::Later;
+    }
+    let progress = begin(shared, edit.id);
+    let forms = Arc::new(ClipForms::new(key.clone()));
+    let found = Found {
+        key: key.clone(),
+        unmarked: key.clone(),
+        name: PathBuf::new(),
+        mattes: None,
+        forms: Some(forms.clone()),
+    };
+    {
+        let mut state = lock(&shared.state);
+        let mut results = HashMap::clone(&state.view.results);
+        results.insert(output_of(edit), found.clone());
+        state.view.results = Arc::new(results);
+    }
+    let last = Cell::new(Instant::now());
+    let on_settled = || {
+        if last.get().elapsed() > LOOK_FORMS {
+            last.set(Instant::now());
+            lock(&shared.state).view.version += 1;
+            (shared.repaint)();
+        }
+    };
+    let context = view.context(&progress);
+    let done = clip_forms::find(edit, document, &view, &forms, &on_settled, &context);
+    lock(&shared.state).view.version += 1;
+    match done {
+        Ok(()) => Outcome::Found(vec![found]),
+        Err(RunError::Job(JobError::Cancelled)) if lock(&shared.state).wanted.is_some() => {
+            Outcome::Later
+        }
+        Err(error) => {
+            failed.insert(edit.id, key);
+            Outcome::Failed(match error {
+                RunError::Job(JobError::Cancelled) => "it was stopped".to_owned(),
+                RunError::Job(error) => error.to_string(),
+                RunError::Edit(reason) => reason,
             })
         }
     }

@@ -322,6 +322,12 @@ impl Document {
         self.enabled().filter(|edit| !edit.is_analysis())
     }
 
+    /// The edits that change what one of them is given.
+    pub fn links_before(&self, id: EditId) -> impl Iterator<Item = &Arc<Edit>> {
+        let before = self.edits.iter().take_while(move |edit| edit.id != id);
+        before.filter(|edit| edit.enabled && !edit.is_analysis())
+    }
+
     /// The edits that change the picture or the mesh that is shown.
     pub fn shown_links(&self) -> impl Iterator<Item = &Arc<Edit>> {
         self.links().filter(|edit| !edit.is_of_whole_clips())

@@ -21,7 +21,7 @@ use evaluate::{Evaluated, evaluate};
 use ravec::progress::{Progress, Update};
 use ravec_jobs::Report;
 use ravec_media::Picture;
-use shot::OpenShot;
+use shot::OpenShots;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -315,7 +315,7 @@ impl Drop for Engine {
 /// Takes requests until the engine is dropped.
 fn work(shared: &Arc<Shared>) {
     let mut cache = Cache::default();
-    let mut shot = OpenShot::default();
+    let mut shots = OpenShots::default();
     loop {
         let (serial, request, progress) = {
             let mut state = shared.state();
@@ -346,7 +346,7 @@ fn work(shared: &Arc<Shared>) {
             &request,
             &progress,
             &mut cache,
-            &mut shot,
+            &mut shots,
             &shared.painting,
             |edit, input| {
                 let mut state = shared.state();
@@ -379,7 +379,8 @@ fn work(shared: &Arc<Shared>) {
 }
 
 pub(crate) use cache::source_key;
-pub(crate) use evaluate::run_in_memory;
+pub(crate) use evaluate::{FrameChain, RunError, files_key, run_in_memory};
+pub(crate) use shot::ShotEdit;
 
 /// The value behind a lock, also after a panic of another thread.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {

@@ -40,6 +40,7 @@ mod assistant;
 pub mod autosave;
 mod background;
 pub mod clip;
+mod clip_forms;
 mod content;
 mod controls;
 mod device;

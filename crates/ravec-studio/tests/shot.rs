@@ -190,6 +190,63 @@ fn the_foreground_alone_is_a_result_with_alpha() {
     }
 }
 
+/// The lossless frames that `ravec run` writes for the document that is open.
+fn frames_of_the_recipe(harness: &Harness<'_, Studio>, folder: &Path) -> Vec<Image<Srgba<u8>>> {
+    let output = folder.join("recipe_%03d.png");
+    let recipe = harness.state().document().unwrap().recipe(&output).unwrap();
+    let file = folder.join("recipe.json");
+    std::fs::write(&file, recipe.to_json().unwrap()).unwrap();
+    let params = recipe::Params::default();
+    let run = recipe::Run { file, params };
+    run.run(&Context::default()).unwrap();
+    let clip = ravec_video::Clip::open(&output, &ravec_video::OpenOptions::default());
+    let mut clip = clip.unwrap();
+    let frames = std::iter::from_fn(|| clip.next_frame().unwrap());
+    frames
+        .map(|frame| frame.picture.into_image().convert())
+        .collect()
+}
+
+/// Largest difference between two images.
+fn difference(a: &Image<Srgba<u8>>, b: &Image<Srgba<u8>>) -> u8 {
+    assert_eq!(a.size(), b.size());
+    let pairs = a.pixels().iter().zip(b.pixels());
+    pairs
+        .flat_map(|(a, b)| a.0.into_iter().zip(b.0))
+        .map(|(a, b)| a.abs_diff(b))
+        .max()
+        .unwrap()
+}
+
+#[test]
+fn frames_of_a_retargeted_clip_are_those_of_the_export() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    // an edit before it, whose results are what is retargeted
+    click(&mut harness, "Remove the foreground");
+    click(&mut harness, "Retarget");
+    click(&mut harness, "4:5");
+    assert!(
+        harness
+            .query_by_label("Frames are those of the exported clip")
+            .is_some()
+    );
+    let truth = frames_of_the_recipe(&harness, folder.path());
+    assert_eq!(truth.len(), FRAMES);
+    for index in [0, 5, 11] {
+        go_to(&mut harness, index);
+        let wrong = difference(&shown(&harness), &truth[index]);
+        assert!(wrong <= 1, "{wrong} in frame {index}");
+    }
+    // clips have no adaptive grid: the sentence stands in the panel, and frames are stills
+    click(&mut harness, "Adaptive");
+    assert!(
+        harness
+            .query_by_label_contains("left out for clips")
+            .is_some()
+    );
+}
+
 #[test]
 fn what_is_missing_is_said_in_the_panel() {
     let folder = tempfile::tempdir().unwrap();

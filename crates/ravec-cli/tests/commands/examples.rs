@@ -169,11 +169,11 @@ fn clips(folder: &Path) {
     }
 }
 
-/// Runs a line as a shell would, on small pictures where it is about built-in ones.
+/// Runs a line as a shell would, on small pictures where it is about built-in ones, and with small meshes.
 #[cfg(unix)]
 fn run(folder: &Path, line: &str) {
     let small = match line {
-        "ravec demo" => " --max-side 120",
+        line if line == "ravec demo" || line.starts_with("ravec demo ") => " --max-side 120",
         "ravec scenes --out scenes" => " --width 48 --height 32",
         _ => "",
     };

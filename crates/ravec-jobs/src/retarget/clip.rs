@@ -1,30 +1,18 @@
 //! Clips in other formats: frames are read once and written in every size.
 
+use super::stream::{self, ClipStream};
 use super::{PLACEHOLDER, Retarget, named, with_grid};
 use crate::context::Context;
 use crate::error::JobError;
-use crate::mask::{mask_of, read_mask};
 use crate::operation::Operation as _;
 use crate::report::Report;
-use crate::video::{
-    ClipOutput, OutputShape, check_clip_target, is_clip, key_of, open_clip, read_error,
-};
-use ravec::planar::camera::{CameraMotion, CameraMotionParams};
-use ravec::raster::{AnyImage, LinearRgba, Mask, Size, Srgb};
-use ravec::retarget::clip::{
-    ClipFrame, ClipOptions, ClipReport, ClipRetargeter, FrameMotion, Settled,
-};
+use crate::video::{ClipOutput, OutputShape, check_clip_target, key_of, open_clip, read_error};
+use ravec::raster::{AnyImage, LinearRgba, Size};
+use ravec::retarget::clip::{ClipReport, Settled};
 use ravec_video::{Clip, Frame, FramePicture, FrameSource as _, FrameTime, Rational};
-use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// Rate that is taken for clips that state none.
-const DEFAULT_RATE: f64 = 25.0;
-
-/// Most frames of look-ahead: what is held in memory.
-const MAX_LOOK_AHEAD: f64 = 600.0;
 
 /// Retargets a clip.
 ///
@@ -33,114 +21,64 @@ const MAX_LOOK_AHEAD: f64 = 600.0;
 /// [`JobError::Retarget`], [`JobError::Cancelled`].
 pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, JobError> {
     let Retarget { input, params, .. } = operation;
-    check(operation)?;
+    stream::check(operation)?;
+    check_names(operation)?;
     context.check_files(&operation.inputs(), &[])?;
     let mut report = Report::of(operation, params);
     let mut clip = open_clip(input, None, &mut report, context)?;
     let size = clip.info().size;
-    let sizes = sizes(operation, size, context)?;
-    let rate = clip.info().rate.map_or(DEFAULT_RATE, Rational::to_f64);
-    let options = options(operation, rate);
-    let failed = |cause| JobError::from_retargeting(input, cause);
-    let retargeter = ClipRetargeter::new(size, &sizes, &options).map_err(failed)?;
-    let mut masks = [
-        Masks::open(
-            operation.protect.as_ref(),
-            operation,
-            size,
-            &mut report,
-            context,
-        )?,
-        Masks::open(
-            operation.give_way.as_ref(),
-            operation,
-            size,
-            &mut report,
-            context,
-        )?,
-    ];
-    let fixed = params.with_polygons(None, None, size)?;
-    params.warn_of_polygons_outside(size, &mut report);
+    let sizes = stream::sizes(operation, size, context)?;
+    for (_, path) in targets(operation) {
+        for &size in &sizes {
+            check_clip_target(&named(path, size), context)?;
+        }
+    }
+    let rate = clip.info().rate.map(Rational::to_f64);
+    let mut stream = ClipStream::open(operation, size, rate, &mut report, context)?;
     let start = Instant::now();
-    let mut run = Streaming {
-        retargeter,
-        camera: camera(operation, size),
-        outputs: Outputs::create(operation, &clip, &sizes, &report, context)?,
-        times: VecDeque::new(),
-    };
+    let mut outputs = Outputs::create(operation, &clip, &sizes, &report, context)?;
     let phase = context
         .progress
         .phase("frames", clip.info().frames.unwrap_or(1));
     let mut inner = context.clone();
     inner.progress = context.progress.silent();
+    // times of the frames that are in the retargeter
+    let mut times = VecDeque::new();
     while let Some(frame) = clip.next_frame().map_err(read_error(input))? {
         context.progress.check()?;
-        let [protect, give_way] = &mut masks;
-        let (protect, give_way) = (
-            united(protect.next(operation, size)?, fixed.0.as_ref()),
-            united(give_way.next(operation, size)?, fixed.1.as_ref()),
-        );
-        let settled = run
-            .push(frame, (protect.as_deref(), give_way.as_deref()), &inner)
-            .map_err(failed)?;
-        for frame in settled {
-            run.outputs
-                .write(&frame, run.times.pop_front(), &report, &inner)?;
+        times.push_back(frame.time);
+        for frame in stream.push(frame.picture.into_image(), &inner.progress)? {
+            outputs.write(&frame, times.pop_front(), &report, &inner)?;
             phase.advance(1);
         }
     }
-    for frame in run.retargeter.finish(&inner.progress).map_err(failed)? {
-        run.outputs
-            .write(&frame, run.times.pop_front(), &report, &inner)?;
+    for frame in stream.finish(&inner.progress)? {
+        outputs.write(&frame, times.pop_front(), &report, &inner)?;
         phase.advance(1);
     }
     if let Some(damage) = clip.damage() {
         let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
         report.warn(format!("{}: {text}", input.display()));
     }
-    run.outputs.finish(&mut report)?;
+    outputs.finish(&mut report)?;
     context.device.report_warnings(&mut report);
     report.add_time("frames", start);
-    record(run.retargeter.report(), &mut report);
+    record(stream.report(), &mut report);
     Ok(report)
 }
 
-/// The union of two masks of the same size.
-fn united<'a>(mask: Option<&'a Mask>, fixed: Option<&'a Mask>) -> Option<Cow<'a, Mask>> {
-    match (mask, fixed) {
-        (Some(a), Some(b)) => Some(Cow::Owned(a.union(b).expect("both are of the clip's size"))),
-        (mask, fixed) => mask.or(fixed).map(Cow::Borrowed),
-    }
-}
-
-/// Refuses what a clip does not have, and names that do not distinguish sizes.
-fn check(operation: &Retarget) -> Result<(), JobError> {
+/// Refuses names that do not distinguish sizes.
+fn check_names(operation: &Retarget) -> Result<(), JobError> {
     let params = &operation.params;
-    let wrong = |field, value: String, range| {
-        Err(JobError::Parameter {
-            field,
-            value,
-            range,
-        })
-    };
-    if params.adaptive {
-        return wrong("adaptive", "given".to_owned(), "left out for clips");
-    }
-    if params.crop > 0.0 {
-        return wrong("crop", params.crop.to_string(), "0 for clips");
-    }
-    if !(params.look_ahead > 0.0 && params.look_ahead <= 10.0) {
-        return wrong(
-            "look_ahead",
-            params.look_ahead.to_string(),
-            "above 0, up to 10",
-        );
-    }
     let several = params.sizes.len() > 1;
     for (field, path) in targets(operation) {
         if several && !path.to_string_lossy().contains(PLACEHOLDER) {
             let range = "a name with {size} in it, where there are several sizes";
-            return wrong(field, path.display().to_string(), range);
+            return Err(JobError::Parameter {
+                field,
+                value: path.display().to_string(),
+                range,
+            });
         }
     }
     Ok(())
@@ -149,91 +87,6 @@ fn check(operation: &Retarget) -> Result<(), JobError> {
 fn targets(operation: &Retarget) -> impl Iterator<Item = (&'static str, &PathBuf)> {
     let grid = operation.show_grid.iter().map(|path| ("show_grid", path));
     std::iter::once(("output", &operation.output)).chain(grid)
-}
-
-/// The sizes in pixels, each once. Outputs of these sizes are checked.
-fn sizes(operation: &Retarget, size: Size, context: &Context) -> Result<Vec<Size>, JobError> {
-    let params = &operation.params;
-    let mut sizes = Vec::new();
-    for spec in &params.sizes {
-        let new = spec.of(size, params.keep_aspect, context.limits.max_pixels)?;
-        if !sizes.contains(&new) {
-            sizes.push(new);
-        }
-    }
-    for (_, path) in targets(operation) {
-        for &size in &sizes {
-            check_clip_target(&named(path, size), context)?;
-        }
-    }
-    Ok(sizes)
-}
-
-fn options(operation: &Retarget, rate: f64) -> ClipOptions {
-    let params = &operation.params;
-    let default = ClipOptions::default();
-    ClipOptions {
-        grid_cells: params.grid.unwrap_or(default.grid_cells),
-        saliency: params.saliency,
-        line_strength: params.lines,
-        object_scale: params.object_scale,
-        borders: params.borders,
-        look_ahead: (params.look_ahead * rate)
-            .round()
-            .clamp(1.0, MAX_LOOK_AHEAD) as usize,
-        ..default
-    }
-}
-
-/// The estimate of the camera's motion, unless the camera stands still.
-fn camera(operation: &Retarget, size: Size) -> Option<CameraMotion> {
-    if operation.params.still_camera {
-        return None;
-    }
-    // frames that are too small for an estimate have none
-    CameraMotion::new(size, &CameraMotionParams::default()).ok()
-}
-
-/// Frames on their way through the retargeter.
-struct Streaming {
-    retargeter: ClipRetargeter,
-    camera: Option<CameraMotion>,
-    outputs: Outputs,
-    /// Times of the frames that are in the retargeter.
-    times: VecDeque<FrameTime>,
-}
-
-impl Streaming {
-    fn push(
-        &mut self,
-        frame: Frame,
-        (protect, give_way): (Option<&Mask>, Option<&Mask>),
-        context: &Context,
-    ) -> Result<Vec<Settled>, ravec::retarget::RetargetError> {
-        self.times.push_back(frame.time);
-        let image = frame.picture.into_image();
-        let motion = self.camera.as_mut().map(|camera| match &image {
-            AnyImage::Srgb8(image) => camera.push(image),
-            AnyImage::Srgb16(image) => camera.push(image),
-            AnyImage::Linear(image) => camera.push(image),
-            other => camera.push(&other.convert::<Srgb<u8>>()),
-        });
-        let motion = motion.map_or(FrameMotion::STILL, |motion| {
-            // a guess would make the background swim
-            let matrix = motion.reliable.then(|| motion.frame_from_previous.matrix());
-            FrameMotion {
-                frame_from_previous: matrix.unwrap_or(FrameMotion::STILL.frame_from_previous),
-                cut: motion.cut,
-            }
-        });
-        let frame = ClipFrame {
-            image,
-            motion,
-            protect,
-            give_way,
-        };
-        self.retargeter.push(frame, &context.progress)
-    }
 }
 
 /// The clips that are written: one for each size, and one with its grid.
@@ -323,61 +176,6 @@ fn framed(image: AnyImage, time: FrameTime) -> Frame {
     Frame {
         picture: FramePicture::Image(image),
         time,
-    }
-}
-
-/// A mask for all frames, or a clip of masks.
-enum Masks {
-    None,
-    Still(Mask),
-    Moving {
-        clip: Box<Clip>,
-        path: PathBuf,
-        latest: Option<Mask>,
-    },
-}
-
-impl Masks {
-    fn open(
-        path: Option<&PathBuf>,
-        operation: &Retarget,
-        size: Size,
-        report: &mut Report,
-        context: &Context,
-    ) -> Result<Self, JobError> {
-        let Some(path) = path else {
-            return Ok(Self::None);
-        };
-        if !is_clip(path, context) {
-            return read_mask(path, &operation.input, size, report, context).map(Self::Still);
-        }
-        Ok(Self::Moving {
-            clip: Box::new(open_clip(path, None, report, context)?),
-            path: path.clone(),
-            latest: None,
-        })
-    }
-
-    /// The mask of the next frame. The last mask of a shorter clip stays.
-    fn next(&mut self, operation: &Retarget, size: Size) -> Result<Option<&Mask>, JobError> {
-        match self {
-            Self::None => Ok(None),
-            Self::Still(mask) => Ok(Some(mask)),
-            Self::Moving { clip, path, latest } => {
-                if let Some(frame) = clip.next_frame().map_err(read_error(path))? {
-                    if frame.picture.size() != size {
-                        return Err(JobError::SizesDiffer {
-                            a: operation.input.clone(),
-                            a_size: size,
-                            b: path.clone(),
-                            b_size: frame.picture.size(),
-                        });
-                    }
-                    *latest = Some(mask_of(&frame.picture.to_image()));
-                }
-                Ok(latest.as_ref())
-            }
-        }
     }
 }
 

@@ -2,8 +2,10 @@
 
 mod clip;
 mod size;
+mod stream;
 
 pub use size::SizeSpec;
+pub use stream::ClipStream;
 
 use crate::context::Context;
 use crate::corners::{Corners, check_polygons, with_polygons};

@@ -1,14 +1,16 @@
 //! The results of a document, one edit after the other.
 
 use super::cache::{Cache, Cached, source_key};
-use super::shot::{OpenShot, ShotEdit};
+use super::shot::{OpenShots, ShotEdit};
 use super::{EditInput, Failure, Request, lock};
+use crate::analyses::AnalysisView;
 use crate::content::{Content, Kind, View, Visible};
 use crate::device::edit_context;
 use crate::document::{Document, Edit, EditId, is_result_name, result_name};
 use crate::painting::{Finished, Painting};
 use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
 use ravec::progress::Progress;
+use ravec::raster::AnyImage;
 use ravec_jobs::{Context, JobError, Report};
 use ravec_media::Picture;
 use std::collections::HashMap;
@@ -31,7 +33,7 @@ pub(super) fn evaluate(
     request: &Request,
     progress: &Progress,
     cache: &mut Cache,
-    shot: &mut OpenShot,
+    shots: &mut OpenShots,
     painting: &Mutex<Painting>,
     mut on_run: impl FnMut(EditId, &EditInput),
 ) -> Result<Evaluated, Option<Failure>> {
@@ -79,7 +81,7 @@ pub(super) fn evaluate(
         let result_of = match (&prepared[done], frame) {
             (Some(of), Some(frame)) => {
                 let context = analyses.context(progress);
-                let content = shot.result(of, &input.content, frame.number, &context);
+                let content = shots.result(of, &input.content, frame.number, &context);
                 content.map(|content| (content, None))
             }
             _ => match painted(edit, &input, painting, progress) {
@@ -142,9 +144,8 @@ impl Chain {
             let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
             let before = &keys[keys.len() - 1];
             let files = files_key(edit);
-            let shot = frame
-                .as_ref()
-                .and_then(|_| ShotEdit::of(edit, document, analyses));
+            let number = frame.as_ref().map(|frame| frame.number);
+            let shot = number.and_then(|_| ShotEdit::of(edit, document, analyses, number));
             let more = shot.as_ref().map_or("", ShotEdit::key);
             keys.push(format!(
                 "{before}\n{} {fields}\n{files}\n{more}",
@@ -153,6 +154,53 @@ impl Chain {
             prepared.push(shot);
         }
         Self { keys, prepared }
+    }
+}
+
+/// The edits before one, run on one frame after the other.
+pub(crate) struct FrameChain<'a> {
+    edits: Vec<&'a Arc<Edit>>,
+    document: &'a Document,
+    analyses: &'a AnalysisView,
+    shots: OpenShots,
+}
+
+impl<'a> FrameChain<'a> {
+    /// The edits before that with this number.
+    pub fn new(id: EditId, document: &'a Document, analyses: &'a AnalysisView) -> Self {
+        let edits = document.links_before(id);
+        Self {
+            edits: edits.filter(|edit| !edit.is_of_whole_clips()).collect(),
+            document,
+            analyses,
+            shots: OpenShots::default(),
+        }
+    }
+
+    /// The input of the edit in a frame of the clip.
+    ///
+    /// # Errors
+    /// That of the first edit that fails.
+    pub fn result(
+        &mut self,
+        number: u64,
+        image: AnyImage,
+        progress: &Progress,
+    ) -> Result<AnyImage, RunError> {
+        let mut content = Content::Picture(Arc::new(Picture::from_image(image)));
+        let context = self.analyses.context(progress);
+        for edit in &self.edits {
+            let of = ShotEdit::of(edit, self.document, self.analyses, Some(number));
+            content = match of {
+                Some(of) => self.shots.result(&of, &content, number, &context)?,
+                None => run_in_memory(edit, &content, progress)?.0,
+            };
+        }
+        let picture = match content {
+            Content::Picture(picture) => picture,
+            Content::Mesh(_) => return Err(RunError::Edit("this is a mesh".to_owned())),
+        };
+        Ok(Arc::unwrap_or_clone(picture).image)
     }
 }
 
@@ -199,7 +247,7 @@ fn inputs_and_reports(
 }
 
 /// Text that changes with the further files of an edit, such as masks.
-fn files_key(edit: &Edit) -> String {
+pub(crate) fn files_key(edit: &Edit) -> String {
     let names = [result_name(0), result_name(1)];
     let Ok(step) = edit.step(&names[0], &names[1]) else {
         // the run says what is wrong

@@ -3,9 +3,12 @@
 use super::cache::source_key;
 use super::evaluate::RunError;
 use crate::analyses::AnalysisView;
+use crate::clip_forms::ClipForms;
 use crate::content::Content;
+use crate::device::edit_context;
 use crate::document::{Document, Edit, is_result_name};
 use ravec::raster::AnyImage;
+use ravec::retarget::Deformation;
 use ravec_jobs::matte::FrameMattes;
 use ravec_jobs::video::edit::ShotPreview;
 use ravec_jobs::{Context, JobError, Step};
@@ -14,11 +17,16 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// An edit of a shot with what it needs.
-pub(super) enum ShotEdit {
+pub(crate) enum ShotEdit {
     /// What it needs is not there yet: frames stay as they are.
     Waits,
     /// The foreground of the clip.
     Foreground { mattes: FrameMattes, key: String },
+    /// A frame in another format.
+    Retargeted {
+        deformation: Arc<Deformation>,
+        key: String,
+    },
     /// An edit with previews.
     Preview {
         step: Box<Step>,
@@ -28,8 +36,21 @@ pub(super) enum ShotEdit {
 }
 
 impl ShotEdit {
-    /// The edit, if it is one of a shot; errors of its fields are left to the run.
-    pub fn of(edit: &Edit, document: &Document, analyses: &AnalysisView) -> Option<Self> {
+    /// The edit for a frame, if it is one of a shot; errors of its fields are left to the run. Without a frame, an edit that differs
+    /// from frame to frame is none.
+    pub fn of(
+        edit: &Edit,
+        document: &Document,
+        analyses: &AnalysisView,
+        frame: Option<u64>,
+    ) -> Option<Self> {
+        if edit.operation == "retarget" {
+            let forms = ClipForms::of_edit(edit, document, analyses)?;
+            return Some(Self::Retargeted {
+                deformation: forms.of(frame?)?,
+                key: forms.key.to_string(),
+            });
+        }
         if edit.operation == "matte" {
             let found = analyses.found(edit);
             let Some((found, mattes)) =
@@ -73,18 +94,24 @@ impl ShotEdit {
     pub fn key(&self) -> &str {
         match self {
             Self::Waits => "waits",
-            Self::Foreground { key, .. } | Self::Preview { key, .. } => key,
+            Self::Foreground { key, .. }
+            | Self::Retargeted { key, .. }
+            | Self::Preview { key, .. } => key,
         }
     }
 }
 
-/// The edit whose inputs are open, so that the next frame takes no time for them.
+/// Maximum number of edits whose inputs stay open.
+const MAX_OPEN: usize = 6;
+
+/// The edits whose inputs are open, so that the next frame takes no time for them.
 #[derive(Default)]
-pub(super) struct OpenShot {
-    open: Option<(String, ShotPreview)>,
+pub(super) struct OpenShots {
+    /// By what they depend on, the one used last at the end.
+    open: Vec<(String, ShotPreview)>,
 }
 
-impl OpenShot {
+impl OpenShots {
     /// The result for a frame.
     pub fn result(
         &mut self,
@@ -101,6 +128,11 @@ impl OpenShot {
             ShotEdit::Waits => return Ok(input.clone()),
             ShotEdit::Foreground { mattes, .. } => {
                 mattes.frame(frame, image, &context.progress, context)
+            }
+            ShotEdit::Retargeted { deformation, .. } => {
+                let device = edit_context(&context.progress).device;
+                let warped = device.warp(deformation, image, &context.progress);
+                warped.map_err(|cause| JobError::from_retargeting(Path::new(""), cause))
             }
             ShotEdit::Preview { step, mattes, key } => {
                 self.preview(step, mattes.as_ref(), key, image, frame, context)
@@ -120,9 +152,8 @@ impl OpenShot {
         context: &Context,
     ) -> Result<AnyImage, JobError> {
         let key = format!("{key}\n{}", image.size());
-        let known = self.open.take().filter(|(of, _)| *of == key);
-        let mut preview = if let Some((_, preview)) = known {
-            preview
+        let mut preview = if let Some(at) = self.open.iter().position(|(of, _)| *of == key) {
+            self.open.remove(at).1
         } else {
             let opened = ShotPreview::open(step, mattes.cloned(), image.size(), context)?;
             let Some(opened) = opened else {
@@ -131,7 +162,10 @@ impl OpenShot {
             opened
         };
         let done = preview.frame(frame, image, context);
-        self.open = Some((key, preview));
+        if self.open.len() == MAX_OPEN {
+            self.open.remove(0);
+        }
+        self.open.push((key, preview));
         done
     }
 }

@@ -1,5 +1,6 @@
 //! Retargeting: any side of the picture is dragged; areas are protected or give way.
 
+use super::analysis::state_ui;
 use super::outline::{self, Outline};
 use super::small::small_copy;
 use super::{Desk, DraftFn, DraftJob, DraftView, Gesture, Hand, Tool, with_params};
@@ -172,6 +173,9 @@ impl Tool for Retarget {
     fn panel_ui(&mut self, ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
         let input = desk.input?.content.size();
         let mut changed = None;
+        if desk.snapshot.frame.is_some() {
+            state_ui(ui, desk, edit, "Frames are those of the exported clip");
+        }
         ui.horizontal_wrapped(|ui| {
             for (mode, name) in [
                 (Mode::Frame, "Drag the frame"),
