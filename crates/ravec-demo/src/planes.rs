@@ -7,7 +7,9 @@ use ravec::planar::{
     propose_planes, snap, straight_view, warp,
 };
 use ravec::progress::Progress;
-use ravec::raster::{Image, LinearRgb, LinearRgba, PremulLinearRgba, Size, Srgb};
+use ravec::raster::{
+    Image, LinearRgb, LinearRgba, PremulLinearRgba, Pyramid, Reduction, Size, Srgb,
+};
 use ravec::twocolor::line_segments;
 use ravec_jobs::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use ravec_jobs::plane::planes::draw;
@@ -127,8 +129,8 @@ fn snapping(
     (belongs, rough): (&QuadGrid, &QuadGrid),
     progress: &Progress,
 ) -> Result<QuadGrid, JobError> {
-    let plane = encoded_luminance(image);
-    let snapped = match snap(&plane, rough, &SnapParams::default(), progress) {
+    let picture = Pyramid::new(encoded_luminance(image), Reduction::Area);
+    let snapped = match snap(&picture, rough, &SnapParams::default(), progress) {
         Ok(snapped) => snapped.grid,
         Err(SnapError::Cancelled) => return Err(JobError::Cancelled),
         // a picture of a few pixels has no edges to snap to

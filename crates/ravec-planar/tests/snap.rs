@@ -5,7 +5,7 @@ use ravec_planar::{
     Homography, QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting,
 };
 use ravec_progress::Progress;
-use ravec_raster::{Plane, Size, Srgb};
+use ravec_raster::{Plane, Pyramid, Reduction, Size, Srgb};
 use ravec_scenes::Seed;
 use ravec_scenes::building::building;
 use ravec_scenes::texture::fractal;
@@ -58,6 +58,10 @@ fn quads(seed: Seed, columns: u32, rows: u32) -> (QuadGrid, QuadGrid) {
     (truth, QuadGrid::new(rough, columns, rows).unwrap())
 }
 
+fn levels(picture: &Plane) -> Pyramid<f32> {
+    Pyramid::new(picture.clone(), Reduction::Area)
+}
+
 fn rms(found: &QuadGrid, truth: &QuadGrid) -> f64 {
     let corners = found.corners().into_iter().zip(truth.corners());
     (corners.map(|(a, b)| a.distance_squared(b)).sum::<f64>() / 4.0).sqrt()
@@ -68,7 +72,13 @@ fn a_grid_three_per_cent_off_snaps_to_a_tenth_of_a_pixel() {
     for k in 0..12 {
         let (truth, rough) = quads(Seed(k), 3 + k as u32 % 4, 3 + k as u32 % 3);
         let picture = wall(&truth, Seed(k), |_| false);
-        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        let found = snap(
+            &levels(&picture),
+            &rough,
+            &SnapParams::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         assert!(
             rms(&found.grid, &truth) < 0.1,
             "{k}: {}",
@@ -86,7 +96,13 @@ fn what_hides_a_third_of_the_wall_costs_little() {
         let picture = wall(&truth, Seed(k), |p| {
             p.distance(center) < 95.0 || (p.x - 380.0).abs() < 12.0
         });
-        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        let found = snap(
+            &levels(&picture),
+            &rough,
+            &SnapParams::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         assert!(
             rms(&found.grid, &truth) < 0.5,
             "{k}: {}",
@@ -132,7 +148,13 @@ fn a_grid_comes_to_lie_in_the_middle_of_weak_joints() {
         let (truth, rough) = quads(Seed(300 + k), 3 + k as u32 % 4, 3 + k as u32 % 3);
         let center = truth.image_from_grid().apply(dvec2(1.3, 1.6));
         let picture = tiles(&truth, Seed(k), |p| k % 2 == 1 && p.distance(center) < 80.0);
-        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        let found = snap(
+            &levels(&picture),
+            &rough,
+            &SnapParams::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         // joints of 2 to 5 pixels with a noise of a sixth of their height
         assert!(
             rms(&found.grid, &truth) < 0.35,
@@ -186,7 +208,13 @@ fn thin_joints_are_preferred_to_the_outlines_of_windows() {
         let rough = std::array::from_fn(|k| corners[k] + DVec2::from_angle(angle(k)) * off);
         let rough = QuadGrid::new(rough, 4, 3).unwrap();
         let picture = round_windows(&truth, seed);
-        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        let found = snap(
+            &levels(&picture),
+            &rough,
+            &SnapParams::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         rms(&found.grid, &truth) < 0.5
     };
     // outlines of a row of windows may lie on one line by chance
@@ -201,8 +229,15 @@ fn columns_and_rows_are_counted() {
         let picture = wall(&truth, Seed(k), |_| false);
         let start = rough.divided(1, 1).unwrap();
         let params = SnapParams::default();
-        let found =
-            snap_counting(&picture, &start, 2..=8, 2..=8, &params, &Progress::none()).unwrap();
+        let found = snap_counting(
+            &levels(&picture),
+            &start,
+            2..=8,
+            2..=8,
+            &params,
+            &Progress::none(),
+        )
+        .unwrap();
         assert_eq!((found.grid.columns(), found.grid.rows()), (columns, rows));
         assert!(rms(&found.grid, &truth) < 0.2);
     }
@@ -215,21 +250,26 @@ fn bad_input_is_refused() {
     let progress = Progress::none();
     let size = Size::new(WIDTH, HEIGHT).unwrap();
     for value in [0.5, f32::NAN] {
-        let found = snap(&Plane::new(size, value), &rough, &params, &progress);
+        let found = snap(
+            &levels(&Plane::new(size, value)),
+            &rough,
+            &params,
+            &progress,
+        );
         assert_eq!(found, Err(SnapError::NoEdges));
     }
     let far = QuadGrid::new(rough.corners().map(|c| c + 5000.0), 4, 4).unwrap();
     let picture = wall(&truth, Seed(1), |_| false);
     assert_eq!(
-        snap(&picture, &far, &params, &progress),
+        snap(&levels(&picture), &far, &params, &progress),
         Err(SnapError::Outside)
     );
     let empty = std::ops::RangeInclusive::new(3, 2);
-    let none = snap_counting(&picture, &rough, empty, 3..=4, &params, &progress);
+    let none = snap_counting(&levels(&picture), &rough, empty, 3..=4, &params, &progress);
     assert_eq!(none, Err(SnapError::NoEdges));
     progress.cancel();
     assert_eq!(
-        snap(&picture, &rough, &params, &progress),
+        snap(&levels(&picture), &rough, &params, &progress),
         Err(SnapError::Cancelled)
     );
 }
@@ -243,7 +283,14 @@ fn one_thread_and_many_give_the_same_bytes() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| snap(&picture, &rough, &SnapParams::default(), &Progress::none()))
+        pool.install(|| {
+            snap(
+                &levels(&picture),
+                &rough,
+                &SnapParams::default(),
+                &Progress::none(),
+            )
+        })
     };
     assert_eq!(on(1), on(3));
 }
@@ -274,10 +321,49 @@ fn panes_between_frames_and_bars_are_no_joints() {
             corners[corner] + DVec2::from_angle(angle(corner)) * 0.02 * truth.diagonal_px()
         });
         let rough = QuadGrid::new(rough, 3, 2).unwrap();
-        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
+        let found = snap(
+            &levels(&picture),
+            &rough,
+            &SnapParams::default(),
+            &Progress::none(),
+        )
+        .unwrap();
         off.push(rms(&found.grid, &truth));
     }
     off.sort_by(f64::total_cmp);
     // frames are two pixels wide, the middle of a pane is five pixels away; from some places bars fit as well
     assert!(off[7] < 1.0, "{off:?}");
+}
+
+/// The search in reduced pictures against that in the picture itself, which reads all places within the reach.
+#[test]
+fn reduced_pictures_lead_to_the_same_edges() {
+    let size = Size::new(2400, 1800).unwrap();
+    for k in 0..4 {
+        let (image, truth) = building(size, 0.81, Seed(k));
+        let picture = encoded_luminance(&image.convert::<Srgb<u8>>());
+        let image_from_wall = Homography::from_unit_square(truth.walls_in_image[0]).unwrap();
+        let place = |bay: f64, floor: f64| {
+            image_from_wall.apply(dvec2((bay + 0.29) / 5.0, (floor + 0.295) / 4.0))
+        };
+        let corners = [
+            place(1.0, 3.0),
+            place(4.0, 3.0),
+            place(4.0, 1.0),
+            place(1.0, 1.0),
+        ];
+        let truth = QuadGrid::new(corners, 3, 2).unwrap();
+        let rough = std::array::from_fn(|corner| {
+            let angle = Seed(k).between(corner as i64, 2, 5, 0.0, std::f64::consts::TAU);
+            corners[corner] + DVec2::from_angle(angle) * 0.02 * truth.diagonal_px()
+        });
+        let rough = QuadGrid::new(rough, 3, 2).unwrap();
+        let params = SnapParams { reach_rel: 0.06 };
+        let found =
+            |picture: Pyramid<f32>| snap(&picture, &rough, &params, &Progress::none()).unwrap();
+        let plain = found(Pyramid::with_levels(picture.clone(), Reduction::Area, 1));
+        let reduced = found(levels(&picture));
+        let apart = rms(&reduced.grid, &plain.grid);
+        assert!(apart < 0.05, "{k}: {apart}");
+    }
 }

@@ -9,7 +9,7 @@ use crate::plane::overlay::{AFTER, BEFORE, draw_grid, line_width};
 use crate::plane::{Grid, Quad, check_paths, write_result};
 use crate::report::Report;
 use ravec::planar::{QuadGrid, SnapError, SnapParams, encoded_luminance, snap, snap_counting};
-use ravec::raster::with_image;
+use ravec::raster::{Pyramid, Reduction, with_image};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -144,11 +144,12 @@ impl Operation for Snap {
         };
         let found = report.time("snap", || {
             let plane = with_image!(&picture.image, image => encoded_luminance(image));
+            let levels = Pyramid::new(plane, Reduction::Area);
             if params.grid.is_some() {
-                snap(&plane, &rough, &options, progress)
+                snap(&levels, &rough, &options, progress)
             } else {
                 let counts = 1..=MAX_COUNT;
-                snap_counting(&plane, &rough, counts.clone(), counts, &options, progress)
+                snap_counting(&levels, &rough, counts.clone(), counts, &options, progress)
             }
         });
         let found = found.map_err(|cause| match cause {

@@ -17,6 +17,9 @@
 //! moves, so that trying one is a sum over a table. That makes the search independent of where it starts, as long as the
 //! edges are within reach.
 //!
+//! What is sought far away is sought in a reduced picture, in which it is some [`COARSE_REACH_PX`] pixels away, and then nearer
+//! in a finer one. Places that are read across a line therefore hardly grow with the picture.
+//!
 //! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
 //! Source: dissertation, section 6.2.1, whose blurred gradients are climbed from the start. We differ in that we search
@@ -25,7 +28,8 @@
 //! Guarantees: equal pictures and parameters give equal bytes. Does not guarantee: that the edges found are those that were
 //! meant, if others fit the grid as well; that a corner stays within the reach, which bounds the search along rows and
 //! that along columns, each for itself, and not the second, nearer round.
-//! Cost: some milliseconds; grows with the length of the lines times the reach. Up to twice that where much is hidden.
+//! Cost: some milliseconds; grows with the number of lines. Up to twice that where much is hidden. A pyramid of one level is
+//! searched at its own size: then the cost grows with the length of the lines times the reach.
 
 mod joint;
 mod polish;
@@ -40,7 +44,7 @@ use crate::snap::search::{Evidence, best_moves};
 use crate::snap::sites::{Family, Sites};
 use glam::DVec2;
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::Plane;
+use ravec_raster::{Plane, Pyramid};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
@@ -112,8 +116,12 @@ const SAME_PX: f64 = 1.5;
 /// The smallest reach in pixels: below it a search says nothing that the last step does not say better.
 const MIN_REACH_PX: f64 = 4.0;
 
-/// Moves the corners of `grid` so that its lines fall on edges of `plane`, a picture with values from 0 to 1 such as an
-/// [`crate::encoded_luminance`].
+/// Reach in pixels of a reduced picture from which the next coarser one is taken, at twice that: fewer pixels blur edges that lie
+/// side by side.
+const COARSE_REACH_PX: f64 = 24.0;
+
+/// Moves the corners of `grid` so that its lines fall on edges of `picture`, with values from 0 to 1 such as those of an
+/// [`crate::encoded_luminance`], and its reductions.
 ///
 /// # Errors
 /// [`SnapError::Outside`], [`SnapError::NoEdges`], [`SnapError::NoGrid`], [`SnapError::Cancelled`].
@@ -122,7 +130,7 @@ const MIN_REACH_PX: f64 = 4.0;
 /// use glam::dvec2;
 /// use ravec_planar::{QuadGrid, SnapParams, snap};
 /// use ravec_progress::Progress;
-/// use ravec_raster::{Plane, Size};
+/// use ravec_raster::{Plane, Pyramid, Reduction, Size};
 ///
 /// // fields of 20 × 20 pixels from (30, 30) on
 /// let checks = Plane::from_fn(Size::new(160, 140)?, |col, row| {
@@ -130,23 +138,24 @@ const MIN_REACH_PX: f64 = 4.0;
 ///     if (30..130).contains(&col) && (30..110).contains(&row) && (field(col) + field(row)) % 2 == 0 { 0.8 } else { 0.4 }
 /// });
 /// let rough = [dvec2(27.0, 32.0), dvec2(133.0, 28.0), dvec2(131.0, 113.0), dvec2(28.0, 107.0)];
-/// let snapped = snap(&checks, &QuadGrid::new(rough, 5, 4)?, &SnapParams::default(), &Progress::none())?;
+/// let picture = Pyramid::new(checks, Reduction::Area);
+/// let snapped = snap(&picture, &QuadGrid::new(rough, 5, 4)?, &SnapParams::default(), &Progress::none())?;
 /// assert!(snapped.grid.corners()[2].distance(dvec2(130.0, 110.0)) < 0.1);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn snap(
-    plane: &Plane,
+    picture: &Pyramid<f32>,
     grid: &QuadGrid,
     params: &SnapParams,
     progress: &Progress,
 ) -> Result<Snapped, SnapError> {
     let reach = reach_px(grid, params);
     let phase = progress.phase("snap", 1 + MAX_STARTS as u64);
-    let starts = starts(plane, grid, reach, progress)?;
+    let starts = starts(picture, grid, reach, progress)?;
     phase.advance(1);
-    let follow = |start: QuadGrid| nearer(plane, start, second_reach(reach), progress);
+    let follow = |start: QuadGrid| nearer(picture, start, second_reach(reach), progress);
     let settle = |grid: Result<QuadGrid, SnapError>| {
-        let found = grid.and_then(|grid| settled(plane, &grid, progress));
+        let found = grid.and_then(|grid| settled(picture.level(0), &grid, progress));
         phase.advance(1);
         found
     };
@@ -183,16 +192,16 @@ fn farthest(a: &QuadGrid, b: &QuadGrid) -> f64 {
 
 /// Where the lines may belong, from a search within the whole reach: the likeliest first.
 fn starts(
-    plane: &Plane,
+    picture: &Pyramid<f32>,
     grid: &QuadGrid,
     reach: f64,
     progress: &Progress,
 ) -> Result<Vec<QuadGrid>, SnapError> {
     progress.check()?;
-    let columns = search(plane, grid, Family::Columns, reach)?;
+    let columns = search(picture, grid, Family::Columns, reach)?;
     let moved = &columns[0].grid;
     progress.check()?;
-    let rows = search(plane, moved, Family::Rows, reach)?;
+    let rows = search(picture, moved, Family::Rows, reach)?;
     let mut pairs: Vec<(usize, usize)> = (0..columns.len())
         .flat_map(|column| (0..rows.len()).map(move |row| (column, row)))
         .collect();
@@ -207,18 +216,29 @@ fn starts(
     Ok(starts)
 }
 
-/// The grid on what the second, nearer search finds.
+/// The grid on what the second, nearer search finds, and those after it until one reads the picture itself.
 fn nearer(
-    plane: &Plane,
+    picture: &Pyramid<f32>,
     mut grid: QuadGrid,
-    reach: f64,
+    mut reach: f64,
     progress: &Progress,
 ) -> Result<QuadGrid, SnapError> {
-    for family in [Family::Columns, Family::Rows] {
-        progress.check()?;
-        grid = search(plane, &grid, family, reach)?.swap_remove(0).grid;
+    loop {
+        for family in [Family::Columns, Family::Rows] {
+            progress.check()?;
+            grid = search(picture, &grid, family, reach)?.swap_remove(0).grid;
+        }
+        if level_for(picture, reach) == 0 {
+            return Ok(grid);
+        }
+        reach = second_reach(reach);
     }
-    Ok(grid)
+}
+
+/// The level of a picture in which a search with a reach is made.
+fn level_for(picture: &Pyramid<f32>, reach_px: f64) -> usize {
+    let level = (reach_px / COARSE_REACH_PX).log2().floor().max(0.0);
+    (level as usize).min(picture.levels().len() - 1)
 }
 
 /// The grid on the edges or joints near its lines.
@@ -244,7 +264,7 @@ fn settled(plane: &Plane, grid: &QuadGrid, progress: &Progress) -> Result<Snappe
 /// # Errors
 /// As [`snap`]; [`SnapError::NoEdges`] also for an empty range.
 pub fn snap_counting(
-    plane: &Plane,
+    picture: &Pyramid<f32>,
     grid: &QuadGrid,
     columns: RangeInclusive<u32>,
     rows: RangeInclusive<u32>,
@@ -273,7 +293,7 @@ pub fn snap_counting(
                 } else {
                     second_reach(reach)
                 };
-                let sought = search(plane, &divided, family, reach)?.swap_remove(0);
+                let sought = search(picture, &divided, family, reach)?.swap_remove(0);
                 if best.as_ref().is_none_or(|best| sought.excess > best.excess) {
                     best = Some(sought);
                 }
@@ -282,7 +302,7 @@ pub fn snap_counting(
         }
     }
     snap(
-        plane,
+        picture,
         &found,
         &SnapParams {
             reach_rel: SECOND_REACH * params.reach_rel,
@@ -309,11 +329,17 @@ struct Sought {
 /// The grid with its corners moved along the rows (for lines between columns; else along the columns) to where the lines
 /// of the family find the most edges: a few places, the best first.
 fn search(
-    plane: &Plane,
+    picture: &Pyramid<f32>,
     grid: &QuadGrid,
     family: Family,
     reach_px: f64,
 ) -> Result<Vec<Sought>, SnapError> {
+    let level = level_for(picture, reach_px);
+    let plane = picture.level(level);
+    let reduction = (1_u64 << level) as f64;
+    let corners = grid.corners().map(|at| at / reduction);
+    let grid = &QuadGrid::new(corners, grid.columns(), grid.rows())?;
+    let reach_px = reach_px / reduction;
     let sites = Sites::new(grid, Some(family), plane.size());
     let reach_px = sites.reach_within(plane.size(), reach_px).max(MIN_REACH_PX);
     let evidence = Evidence::gather(plane, &sites, reach_px)?;
@@ -334,7 +360,7 @@ fn search(
     let mut found = Vec::new();
     for moves in best_moves(&evidence, &modes, second_reach(reach_px)) {
         let corners = grid.corners();
-        let corners = std::array::from_fn(|k| corners[k] + along[k] * moves.by_px[k]);
+        let corners = std::array::from_fn(|k| (corners[k] + along[k] * moves.by_px[k]) * reduction);
         match QuadGrid::new(corners, grid.columns(), grid.rows()) {
             Ok(grid) => found.push(Sought {
                 grid,

@@ -7,7 +7,7 @@ use crate::engine::EditInput;
 use egui::{Color32, Key, Ui};
 use ravec::planar::{QuadGrid, SnapParams, encoded_luminance, propose_planes, snap, snap_counting};
 use ravec::progress::Progress;
-use ravec::raster::{Image, Plane, PremulLinearRgba, with_image};
+use ravec::raster::{Image, PremulLinearRgba, Pyramid, Reduction, with_image};
 use ravec::twocolor::line_segments;
 use ravec_media::focal_px_from_35mm;
 use std::sync::Arc;
@@ -125,8 +125,8 @@ impl PlaneAids {
             let (input, from, grid) = (hand.input.clone(), *corners, self.grid);
             self.snapping = Some(from);
             hand.assistant.ask("snap", move |memory, progress| {
-                let plane = luminance(memory, &input)?;
-                let found = snapped(plane, &from, grid, progress);
+                let picture = luminance(memory, &input)?;
+                let found = snapped(picture, &from, grid, progress);
                 Some(SnapAnswer { from, found })
             });
         }
@@ -149,10 +149,13 @@ impl PlaneAids {
     }
 }
 
-/// The luminance of a picture, in which edges are found.
-fn luminance<'a>(memory: &'a mut Memory, input: &EditInput) -> Option<&'a mut Plane> {
+/// The luminance of a picture and its reductions, in which edges are found.
+fn luminance<'a>(memory: &'a mut Memory, input: &EditInput) -> Option<&'a mut Pyramid<f32>> {
     let picture = input.content.picture()?;
-    let make = || Ok::<_, ()>(with_image!(&picture.image, image => encoded_luminance(image)));
+    let make = || {
+        let plane = with_image!(&picture.image, image => encoded_luminance(image));
+        Ok::<_, ()>(Pyramid::new(plane, Reduction::Area))
+    };
     memory.keep("luminance", &input.key, make).ok()
 }
 
@@ -178,7 +181,7 @@ fn propose(input: &EditInput, progress: &Progress) -> Option<Proposed> {
 
 /// Corners on edges, with the columns and rows of the grid.
 fn snapped(
-    plane: &Plane,
+    picture: &Pyramid<f32>,
     corners: &Corners,
     [columns, rows]: [u32; 2],
     progress: &Progress,
@@ -188,7 +191,7 @@ fn snapped(
     let rough =
         QuadGrid::new(corners, columns.max(1), rows.max(1)).map_err(|error| error.to_string())?;
     let found = if columns > 0 && rows > 0 {
-        snap(plane, &rough, &params, progress)
+        snap(picture, &rough, &params, progress)
     } else {
         let range = |count: u32| {
             if count > 0 {
@@ -198,7 +201,7 @@ fn snapped(
             }
         };
         snap_counting(
-            plane,
+            picture,
             &rough,
             range(columns),
             range(rows),
