@@ -110,6 +110,9 @@ const MAX_STARTS: usize = 3;
 /// The support from which a grid is taken without trying others.
 const CLEAR_SUPPORT: f64 = 0.9;
 
+/// Counts of lines that are sought once more when the other family lies on its edges.
+const MAX_COUNTS: usize = 6;
+
 /// Finds whose corners are nearer to each other after the second search come to the same place in the end, in pixels.
 const SAME_PX: f64 = 1.5;
 
@@ -273,32 +276,25 @@ pub fn snap_counting(
 ) -> Result<Snapped, SnapError> {
     let reach = reach_px(grid, params);
     let mut found = grid.clone();
+    let mut counts = [columns, rows].map(Iterator::collect::<Vec<u32>>);
     // each family is moved by what was found for the other before, or its lines would end in the wrong places
-    for round in 0..2 {
-        for family in [Family::Columns, Family::Rows] {
-            let range = if family == Family::Columns {
-                columns.clone()
-            } else {
-                rows.clone()
-            };
-            let mut best: Option<Sought> = None;
-            for count in range {
+    for reach in [reach, second_reach(reach)] {
+        for (family, counts) in [Family::Columns, Family::Rows].into_iter().zip(&mut counts) {
+            let mut sought = Vec::new();
+            for &count in counts.iter() {
                 progress.check()?;
                 let divided = match family {
                     Family::Columns => found.divided(count, found.rows())?,
                     Family::Rows => found.divided(found.columns(), count)?,
                 };
-                let reach = if round == 0 {
-                    reach
-                } else {
-                    second_reach(reach)
-                };
-                let sought = search(picture, &divided, family, reach)?.swap_remove(0);
-                if best.as_ref().is_none_or(|best| sought.excess > best.excess) {
-                    best = Some(sought);
-                }
+                sought.push(search(picture, &divided, family, reach)?.swap_remove(0));
             }
-            found = best.ok_or(SnapError::NoEdges)?.grid;
+            let mut order: Vec<usize> = (0..sought.len()).collect();
+            order.sort_by(|&a, &b| sought[b].excess.total_cmp(&sought[a].excess));
+            order.truncate(MAX_COUNTS);
+            *counts = order.iter().map(|&index| counts[index]).collect();
+            let best = order.first().ok_or(SnapError::NoEdges)?;
+            found = sought.swap_remove(*best).grid;
         }
     }
     snap(

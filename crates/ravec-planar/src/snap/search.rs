@@ -31,6 +31,9 @@ const CELL_BITS: u32 = 16;
 /// Coarse finds that are followed: a few parallel edges look alike from afar.
 const CANDIDATES: usize = 16;
 
+/// Finds that are followed at the finest step at least; half as many at each step as at the one before.
+const MIN_CANDIDATES: usize = 6;
+
 /// Finds that are returned.
 const FINDS: usize = 3;
 
@@ -197,6 +200,7 @@ pub(super) fn best_moves(
         .collect();
     let mut step = evidence.reach as f32 / HALF_MOVES as f32;
     let mut candidates = Level::new(evidence, &ends, step).best_of_all();
+    let mut followed = CANDIDATES;
     while step > 1.0 {
         step *= 0.5;
         let level = Level::new(evidence, &ends, step);
@@ -211,6 +215,9 @@ pub(super) fn best_moves(
             seen.extend(is_new.then_some(*at));
             is_new
         });
+        candidates.sort_by(|a, b| b.0.total_cmp(&a.0));
+        followed = (followed / 2).max(MIN_CANDIDATES);
+        candidates.truncate(followed);
     }
     // with no evidence nothing moves
     candidates.retain(|(score, _)| *score > 0.0);
