@@ -488,11 +488,8 @@ fn run(
     if outputs_of(edit).all(is_known) {
         return Outcome::Known;
     }
-    let is_known_failure = failed.get(&edit.id) == Some(&job.key);
-    if is_known_failure
-        && let Some(AnalysisState::Failed(reason)) = lock(&shared.state).states.get(&edit.id)
-    {
-        return Outcome::Failed(reason.clone());
+    if let Some(reason) = known_failure(shared, edit.id, &job.key, failed) {
+        return Outcome::Failed(reason);
     }
     if edit.operation == "matte" && !pause(shared) {
         return Outcome::Later;
@@ -511,16 +508,44 @@ fn run(
     };
     match done {
         Ok(mattes) => Outcome::Found(job.found(mattes.as_ref())),
-        // a newer document is on its way, or the user has stopped it
-        Err(JobError::Cancelled) if lock(&shared.state).wanted.is_some() => Outcome::Later,
-        Err(error) => {
-            failed.insert(edit.id, job.key);
-            Outcome::Failed(match error {
-                JobError::Cancelled => "it was stopped".to_owned(),
-                error => error.to_string(),
-            })
-        }
+        Err(error) => failure(shared, edit.id, job.key, RunError::Job(error), failed),
     }
+}
+
+/// The reason for which an analysis failed that would run in the same way once more.
+fn known_failure(
+    shared: &Shared,
+    id: EditId,
+    key: &Arc<str>,
+    failed: &HashMap<EditId, Arc<str>>,
+) -> Option<String> {
+    if failed.get(&id) != Some(key) {
+        return None;
+    }
+    match lock(&shared.state).states.get(&id) {
+        Some(AnalysisState::Failed(reason)) => Some(reason.clone()),
+        _ => None,
+    }
+}
+
+/// Records why an analysis has no result, unless it ended for a newer document.
+fn failure(
+    shared: &Shared,
+    id: EditId,
+    key: Arc<str>,
+    error: RunError,
+    failed: &mut HashMap<EditId, Arc<str>>,
+) -> Outcome {
+    let is_cancelled = matches!(error, RunError::Job(JobError::Cancelled));
+    if is_cancelled && lock(&shared.state).wanted.is_some() {
+        return Outcome::Later;
+    }
+    failed.insert(id, key);
+    Outcome::Failed(match error {
+        RunError::Job(JobError::Cancelled) => "it was stopped".to_owned(),
+        RunError::Job(error) => error.to_string(),
+        RunError::Edit(reason) => reason,
+    })
 }
 
 /// The progress of an analysis that begins to run.
@@ -553,10 +578,8 @@ fn find_forms(
     if known.is_some_and(|forms| forms.key == key && forms.is_complete()) {
         return Outcome::Known;
     }
-    if failed.get(&edit.id) == Some(&key)
-        && let Some(AnalysisState::Failed(reason)) = lock(&shared.state).states.get(&edit.id)
-    {
-        return Outcome::Failed(reason.clone());
+    if let Some(reason) = known_failure(shared, edit.id, &key, failed) {
+        return Outcome::Failed(reason);
     }
     if !pause(shared) {
         return Outcome::Later;
@@ -589,17 +612,7 @@ fn find_forms(
     lock(&shared.state).view.version += 1;
     match done {
         Ok(()) => Outcome::Found(vec![found]),
-        Err(RunError::Job(JobError::Cancelled)) if lock(&shared.state).wanted.is_some() => {
-            Outcome::Later
-        }
-        Err(error) => {
-            failed.insert(edit.id, key);
-            Outcome::Failed(match error {
-                RunError::Job(JobError::Cancelled) => "it was stopped".to_owned(),
-                RunError::Job(error) => error.to_string(),
-                RunError::Edit(reason) => reason,
-            })
-        }
+        Err(error) => failure(shared, edit.id, key, error, failed),
     }
 }
 

@@ -7,7 +7,8 @@
 //!     halve the step and try the neighbors, until the step is below a pixel
 //! move all eight coordinates so that the lines lie on the nearest slopes, by least squares
 //! where lines lie on one edge of a joint, move them to its middle, and once more all coordinates
-//! where little of the lines lies on edges, do so from other good finds of the first round, and keep what has most
+//! where little of the lines lies on edges, do so from that of the other good finds of the first round which lies on more, and keep
+//!     what has most
 //! ```
 //!
 //! Where inner lines lie depends on how much nearer one side is than the other, which is not known before both families
@@ -104,7 +105,7 @@ impl From<Cancelled> for SnapError {
 /// what columns and rows take from each other.
 const SECOND_REACH: f64 = 0.25;
 
-/// Grids that are followed to the end, if the first is not clear.
+/// Grids that are moved to edges, if the first is not clear.
 const MAX_STARTS: usize = 3;
 
 /// The support from which a grid is taken without trying others.
@@ -153,31 +154,34 @@ pub fn snap(
     progress: &Progress,
 ) -> Result<Snapped, SnapError> {
     let reach = reach_px(grid, params);
-    let phase = progress.phase("snap", 1 + MAX_STARTS as u64);
-    let starts = starts(picture, grid, reach, progress)?;
+    let phase = progress.phase("snap", 3);
+    let plane = picture.level(0);
+    let mut starts = starts(picture, grid, reach, progress)?.into_iter();
     phase.advance(1);
-    let follow = |start: QuadGrid| nearer(picture, start, second_reach(reach), progress);
-    let settle = |grid: Result<QuadGrid, SnapError>| {
-        let found = grid.and_then(|grid| settled(picture.level(0), &grid, progress));
-        phase.advance(1);
-        found
+    let rough = |start: QuadGrid| {
+        let grid = nearer(picture, start, second_reach(reach), progress)?;
+        on_edges(plane, &grid, progress)
     };
-    let mut starts = starts.into_iter();
-    let first = starts.next().map_or(Err(SnapError::NoEdges), follow);
-    let mut best = settle(first.clone());
     let support = |of: &Result<Snapped, SnapError>| of.as_ref().map_or(-1.0, |of| of.support);
+    let first = starts.next().map_or(Err(SnapError::NoEdges), rough);
+    let mut best = (first.clone()).and_then(|first| settled(plane, &first.grid, progress));
+    phase.advance(1);
     if support(&best) < CLEAR_SUPPORT {
         let others: Vec<QuadGrid> = starts.collect();
-        let others: Vec<_> = others.into_par_iter().map(follow).collect();
-        let mut fresh: Vec<QuadGrid> = Vec::new();
-        for grid in others.into_iter().flatten() {
-            let is_known = |known: &QuadGrid| farthest(known, &grid) < SAME_PX;
-            if !first.iter().chain(&fresh).any(is_known) {
-                fresh.push(grid);
-            }
-        }
-        let others: Vec<_> = fresh.into_par_iter().map(|grid| settle(Ok(grid))).collect();
-        for found in others {
+        let others: Vec<_> = others.into_par_iter().map(rough).collect();
+        phase.advance(1);
+        // the last steps cost most: they are taken from the one that lies best on edges so far
+        let better = others
+            .into_iter()
+            .flatten()
+            .filter(|other| other.support > support(&first))
+            .reduce(|a, b| if b.support > a.support { b } else { a });
+        let is_first = |other: &Snapped| {
+            let first = first.as_ref();
+            first.is_ok_and(|first| farthest(&first.grid, &other.grid) < SAME_PX)
+        };
+        if let Some(other) = better.filter(|other| !is_first(other)) {
+            let found = settled(plane, &other.grid, progress);
             if best.is_err() || support(&found) > support(&best) {
                 best = found;
             }
@@ -244,17 +248,21 @@ fn level_for(picture: &Pyramid<f32>, reach_px: f64) -> usize {
     (level as usize).min(picture.levels().len() - 1)
 }
 
-/// The grid on the edges or joints near its lines.
-fn settled(plane: &Plane, grid: &QuadGrid, progress: &Progress) -> Result<Snapped, SnapError> {
+/// The grid on the edges near its lines, roughly.
+fn on_edges(plane: &Plane, grid: &QuadGrid, progress: &Progress) -> Result<Snapped, SnapError> {
     progress.check()?;
-    let on_edges = polish(plane, grid, [None; 2], &ROUGH)?.grid;
+    polish(plane, grid, [None; 2], &ROUGH)
+}
+
+/// A grid on edges, moved to the middle of the joints that these edges are sides of, and to the last fraction of a pixel.
+fn settled(plane: &Plane, on_edges: &QuadGrid, progress: &Progress) -> Result<Snapped, SnapError> {
     let mut grid = on_edges.clone();
     let mut joints = [None; 2];
     for (joint, family) in joints.iter_mut().zip([Family::Columns, Family::Rows]) {
         progress.check()?;
         (grid, *joint) = centered(plane, &grid, family)?;
     }
-    if grid != on_edges {
+    if grid != *on_edges {
         grid = polish(plane, &grid, joints, &ROUGH)?.grid;
     }
     polish(plane, &grid, joints, &FINE)
