@@ -295,39 +295,37 @@ fn one_thread_and_many_give_the_same_bytes() {
     assert_eq!(on(1), on(3));
 }
 
+/// A building, the grid of the windows of its right wall, and the same with each corner 2 % of the diagonal beside it.
+fn windows(size: Size, seed: Seed) -> (Pyramid<f32>, QuadGrid, QuadGrid) {
+    let (image, truth) = building(size, 0.81, seed);
+    let picture = encoded_luminance(&image.convert::<Srgb<u8>>());
+    let image_from_wall = Homography::from_unit_square(truth.walls_in_image[0]).unwrap();
+    // bays and floors; panes begin at 0.29 of a bay, frames of 0.025 of a floor end at 0.305
+    let place = |bay: f64, floor: f64| {
+        image_from_wall.apply(dvec2((bay + 0.29) / 5.0, (floor + 0.295) / 4.0))
+    };
+    let corners = [
+        place(1.0, 3.0),
+        place(4.0, 3.0),
+        place(4.0, 1.0),
+        place(1.0, 1.0),
+    ];
+    let truth = QuadGrid::new(corners, 3, 2).unwrap();
+    let rough = std::array::from_fn(|corner| {
+        let angle = seed.between(corner as i64, 2, 5, 0.0, std::f64::consts::TAU);
+        corners[corner] + DVec2::from_angle(angle) * 0.02 * truth.diagonal_px()
+    });
+    let rough = QuadGrid::new(rough, 3, 2).unwrap();
+    (levels(&picture), truth, rough)
+}
+
 /// The dark panes between the frame and the bar of a window are stripes with two edges, too, but wider than joints.
 #[test]
 fn panes_between_frames_and_bars_are_no_joints() {
-    let size = Size::new(960, 720).unwrap();
     let mut off = Vec::new();
     for k in 0..12 {
-        let (image, truth) = building(size, 0.81, Seed(k));
-        let picture = encoded_luminance(&image.convert::<Srgb<u8>>());
-        let image_from_wall = Homography::from_unit_square(truth.walls_in_image[0]).unwrap();
-        // bays and floors; panes begin at 0.29 of a bay, frames of 0.025 of a floor end at 0.305
-        let place = |bay: f64, floor: f64| {
-            image_from_wall.apply(dvec2((bay + 0.29) / 5.0, (floor + 0.295) / 4.0))
-        };
-        let corners = [
-            place(1.0, 3.0),
-            place(4.0, 3.0),
-            place(4.0, 1.0),
-            place(1.0, 1.0),
-        ];
-        let truth = QuadGrid::new(corners, 3, 2).unwrap();
-        let angle =
-            |corner: usize| Seed(k).between(corner as i64, 2, 5, 0.0, std::f64::consts::TAU);
-        let rough = std::array::from_fn(|corner| {
-            corners[corner] + DVec2::from_angle(angle(corner)) * 0.02 * truth.diagonal_px()
-        });
-        let rough = QuadGrid::new(rough, 3, 2).unwrap();
-        let found = snap(
-            &levels(&picture),
-            &rough,
-            &SnapParams::default(),
-            &Progress::none(),
-        )
-        .unwrap();
+        let (picture, truth, rough) = windows(Size::new(960, 720).unwrap(), Seed(k));
+        let found = snap(&picture, &rough, &SnapParams::default(), &Progress::none()).unwrap();
         off.push(rms(&found.grid, &truth));
     }
     off.sort_by(f64::total_cmp);
@@ -338,32 +336,13 @@ fn panes_between_frames_and_bars_are_no_joints() {
 /// The search in reduced pictures against that in the picture itself, which reads all places within the reach.
 #[test]
 fn reduced_pictures_lead_to_the_same_edges() {
-    let size = Size::new(2400, 1800).unwrap();
+    let params = SnapParams { reach_rel: 0.06 };
     for k in 0..4 {
-        let (image, truth) = building(size, 0.81, Seed(k));
-        let picture = encoded_luminance(&image.convert::<Srgb<u8>>());
-        let image_from_wall = Homography::from_unit_square(truth.walls_in_image[0]).unwrap();
-        let place = |bay: f64, floor: f64| {
-            image_from_wall.apply(dvec2((bay + 0.29) / 5.0, (floor + 0.295) / 4.0))
-        };
-        let corners = [
-            place(1.0, 3.0),
-            place(4.0, 3.0),
-            place(4.0, 1.0),
-            place(1.0, 1.0),
-        ];
-        let truth = QuadGrid::new(corners, 3, 2).unwrap();
-        let rough = std::array::from_fn(|corner| {
-            let angle = Seed(k).between(corner as i64, 2, 5, 0.0, std::f64::consts::TAU);
-            corners[corner] + DVec2::from_angle(angle) * 0.02 * truth.diagonal_px()
-        });
-        let rough = QuadGrid::new(rough, 3, 2).unwrap();
-        let params = SnapParams { reach_rel: 0.06 };
+        let (picture, _, rough) = windows(Size::new(2400, 1800).unwrap(), Seed(k));
         let found =
-            |picture: Pyramid<f32>| snap(&picture, &rough, &params, &Progress::none()).unwrap();
-        let plain = found(Pyramid::with_levels(picture.clone(), Reduction::Area, 1));
-        let reduced = found(levels(&picture));
-        let apart = rms(&reduced.grid, &plain.grid);
+            |picture: &Pyramid<f32>| snap(picture, &rough, &params, &Progress::none()).unwrap();
+        let plain = Pyramid::with_levels(picture.level(0).clone(), Reduction::Area, 1);
+        let apart = rms(&found(&picture).grid, &found(&plain).grid);
         assert!(apart < 0.05, "{k}: {apart}");
     }
 }

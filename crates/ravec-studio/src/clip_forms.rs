@@ -100,7 +100,7 @@ pub(crate) fn find(
     context: &Context,
 ) -> Result<(), RunError> {
     let step = edit.without_side_outputs();
-    let step = step.step(Path::new("@input"), Path::new("@output"));
+    let step = step.step(&document.source, Path::new("@output"));
     let Step::Retarget(operation) = step.map_err(RunError::Edit)? else {
         return Err(RunError::Edit("this edit does not retarget".to_owned()));
     };

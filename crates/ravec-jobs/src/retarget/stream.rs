@@ -31,7 +31,7 @@ pub struct ClipStream {
     size: Size,
     retargeter: ClipRetargeter,
     camera: Option<CameraMotion>,
-    /// What is protected, and what gives way.
+    /// Masks of protected areas, and of areas that give way.
     masks: [Masks; 2],
     polygons: [Option<Mask>; 2],
 }

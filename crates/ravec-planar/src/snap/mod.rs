@@ -18,8 +18,9 @@
 //! moves, so that trying one is a sum over a table. That makes the search independent of where it starts, as long as the
 //! edges are within reach.
 //!
-//! What is sought far away is sought in a reduced picture, in which it is some [`COARSE_REACH_PX`] pixels away, and then nearer
-//! in a finer one. Places that are read across a line therefore hardly grow with the picture.
+//! The search runs coarse to fine: at a level of the pyramid where the reach is one to two times [`COARSE_REACH_PX`], then with a
+//! quarter of the reach at a finer level, down to the picture itself. The number of samples across a line therefore hardly grows
+//! with the picture.
 //!
 //! Points are in pixels, x right, y down, pixel centers at half-integers.
 //!
