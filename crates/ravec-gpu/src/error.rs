@@ -20,6 +20,14 @@ pub enum GpuError {
         /// Message of the driver.
         cause: String,
     },
+    /// The device stopped in the middle of a measurement.
+    #[error("{adapter} stopped: {cause}")]
+    Stopped {
+        /// The adapter.
+        adapter: String,
+        /// What the device or its driver said.
+        cause: String,
+    },
     /// The device's results are not those of the CPU.
     #[error(
         "{adapter} gives other two-color pixels than the CPU ({cause}): update its driver, or choose the device `cpu`"

@@ -32,8 +32,8 @@ use std::sync::Arc;
 /// since the inverse of their number of pixels is exact.
 pub const FITTED_SIDES: [usize; 4] = [2, 4, 8, 16];
 
-/// Words that the kernels store for a block: see `fit.wgsl`.
-const WORDS: usize = 9;
+/// Words that the kernels store for a block: see `fit_results.wgsl`.
+pub(crate) const WORDS: usize = 9;
 const WEIGHTED_WORDS: usize = 13;
 const NOT_FITTED: u32 = u32::MAX;
 
@@ -102,11 +102,12 @@ pub(crate) fn sweep_constants(side: usize) -> String {
 }
 
 /// The shader of the fit.
-const PARTS: [&str; 5] = [
+const PARTS: [&str; 6] = [
     include_str!("shaders/exact.wgsl"),
     include_str!("shaders/weights.wgsl"),
     include_str!("shaders/sweep.wgsl"),
     include_str!("shaders/weighted_sweep.wgsl"),
+    include_str!("shaders/fit_results.wgsl"),
     include_str!("shaders/fit.wgsl"),
 ];
 
@@ -125,12 +126,7 @@ pub fn fit<P: GpuPixel>(
     progress: &Progress,
 ) -> Result<TwoColorField, FitError> {
     let side = params.block_px;
-    let is_exact = match params.method {
-        // the CPU fits larger blocks coarse to fine
-        FitMethod::Auto => FITTED_SIDES.contains(&side),
-        FitMethod::Exact => true,
-        FitMethod::CoarseToFine => false,
-    };
+    let is_exact = is_exact(params);
     let sides = if is_exact {
         &FITTED_SIDES
     } else {
@@ -168,6 +164,16 @@ pub fn fit<P: GpuPixel>(
     ))
 }
 
+/// True if the method of the CPU for these parameters examines all splits of a block.
+pub(crate) fn is_exact(params: &FitParams) -> bool {
+    match params.method {
+        // the CPU fits larger blocks coarse to fine
+        FitMethod::Auto => FITTED_SIDES.contains(&params.block_px),
+        FitMethod::Exact => true,
+        FitMethod::CoarseToFine => false,
+    }
+}
+
 /// Fits band after band and appends whole bands to `blocks`.
 fn fit_bands<P: GpuPixel>(
     gpu: &Gpu,
@@ -183,30 +189,68 @@ fn fit_bands<P: GpuPixel>(
     gpu.pipelined(
         bands(grid.height(), rows),
         progress,
-        // the plane of a band is kept for the blocks of its second run
         |rows| fitter.submit_opaque(rows),
-        |rows, plane, bytes| {
+        |rows, band, bytes| {
             phase.advance(rows.len() as u64);
-            blocks.extend(fitter.finish(&plane, rows, bytes, progress)?);
+            blocks.extend(fitter.finish(&band, &rows, bytes, progress)?);
             Ok(())
         },
     )
 }
 
+/// A band on the device.
+pub(crate) struct Band {
+    /// Its rows in the pixel type of the picture.
+    pub source: wgpu::Buffer,
+    /// Its plane, for the blocks of a second run.
+    plane: wgpu::Buffer,
+}
+
+/// The first run on a band, which fits its opaque blocks.
+pub(crate) struct FirstRun {
+    pub plane: Plane,
+    pub params: wgpu::Buffer,
+    pub output: wgpu::Buffer,
+    pub blocks: usize,
+}
+
+impl FirstRun {
+    /// Bytes of the results.
+    pub fn bytes(&self) -> usize {
+        4 * WORDS * self.blocks
+    }
+
+    /// Fills the plane, and fits its blocks.
+    pub fn runs<'a, P>(&'a self, fitter: &'a Fitter<'_, P>) -> [Run<'a>; 2] {
+        let mut bindings = vec![
+            (0, &self.params),
+            (1, &self.plane.buffer),
+            (7, &self.output),
+        ];
+        bindings.extend(fitter.sweep.opaque_bindings());
+        let fit = Run {
+            kernel: &fitter.opaque,
+            bindings,
+            threads: self.blocks,
+        };
+        [self.plane.run(&fitter.planes), fit]
+    }
+}
+
 /// State shared by the bands of a picture.
-struct Fitter<'a, P> {
+pub(crate) struct Fitter<'a, P> {
     gpu: &'a Gpu,
     image: &'a Image<P>,
     side: usize,
     flat_contrast: f32,
     columns: usize,
     planes: Planes,
-    sweep: SweepBuffers,
+    pub sweep: SweepBuffers,
     opaque: Arc<wgpu::ComputePipeline>,
 }
 
 impl<'a, P: GpuPixel> Fitter<'a, P> {
-    fn new(gpu: &'a Gpu, image: &'a Image<P>, params: &FitParams) -> Result<Self, Failure> {
+    pub fn new(gpu: &'a Gpu, image: &'a Image<P>, params: &FitParams) -> Result<Self, Failure> {
         let side = params.block_px;
         Ok(Self {
             gpu,
@@ -220,12 +264,12 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         })
     }
 
-    fn block_rows_in_a_band(&self) -> usize {
+    pub fn block_rows_in_a_band(&self) -> usize {
         let row = self.columns * self.side * self.side;
         (MAX_PLANE_PIXELS / row).max(1)
     }
 
-    fn pixel_rows(&self, block_rows: &Range<usize>) -> Range<usize> {
+    pub fn pixel_rows(&self, block_rows: &Range<usize>) -> Range<usize> {
         block_rows.start * self.side..(block_rows.end * self.side).min(self.image.height())
     }
 
@@ -243,35 +287,32 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
         })
     }
 
-    /// Starts the first run on a band, and gives the plane for a second one.
-    fn submit_opaque(&self, block_rows: Range<usize>) -> Result<(wgpu::Buffer, Pending), Failure> {
-        let plane = Plane::new(
-            self.gpu,
-            self.image,
-            self.pixel_rows(&block_rows),
-            self.side,
-        )?;
-        let count = self.columns * block_rows.len();
-        let params = self.params(&block_rows, count)?;
-        let output = self.gpu.output(4 * WORDS * count)?;
-        let mut bindings = vec![(0, &params), (1, &plane.buffer), (7, &output)];
-        bindings.extend(self.sweep.opaque_bindings());
-        let run = Run {
-            kernel: &self.opaque,
-            bindings,
-            threads: count,
-        };
-        let pending =
-            self.gpu
-                .submit(&[plane.run(&self.planes), run], &output, 4 * WORDS * count)?;
-        Ok((plane.buffer, pending))
+    /// Uploads a band and starts the first run on it.
+    pub fn submit_opaque(&self, block_rows: Range<usize>) -> Result<(Band, Pending), Failure> {
+        let first = self.first_run(&block_rows)?;
+        let pending = (self.gpu).submit(&first.runs(self), &first.output, first.bytes())?;
+        let Plane { source, buffer, .. } = first.plane;
+        let plane = buffer;
+        Ok((Band { source, plane }, pending))
+    }
+
+    /// Uploads a band, for the first run on it.
+    pub fn first_run(&self, block_rows: &Range<usize>) -> Result<FirstRun, Failure> {
+        let rows = self.pixel_rows(block_rows);
+        let blocks = self.columns * block_rows.len();
+        Ok(FirstRun {
+            plane: Plane::new(self.gpu, self.image, rows, self.side)?,
+            params: self.params(block_rows, blocks)?,
+            output: self.gpu.output(4 * WORDS * blocks)?,
+            blocks,
+        })
     }
 
     /// The pixels of a band, from what the first run found and a second one finds.
-    fn finish(
+    pub fn finish(
         &self,
-        plane: &wgpu::Buffer,
-        block_rows: Range<usize>,
+        band: &Band,
+        block_rows: &Range<usize>,
         bytes: &[u8],
         progress: &Progress,
     ) -> Result<Vec<TwoColorPixel>, Stopped> {
@@ -297,7 +338,7 @@ impl<'a, P: GpuPixel> Fitter<'a, P> {
             })
             .collect();
         if !rest.is_empty() {
-            let pending = self.submit_weighted(plane, &block_rows, &rest)?;
+            let pending = self.submit_weighted(&band.plane, block_rows, &rest)?;
             self.gpu.receive(&pending, progress, |bytes| {
                 let words = Words::new(bytes);
                 for (index, &block) in rest.iter().enumerate() {

@@ -20,6 +20,7 @@
 //! | --- | --- | --- |
 //! | [`fit()`] | [`TwoColorField::fit`](ravec_twocolor::TwoColorField::fit) | the same bits: exact in blocks of 2, 4, 8 and 16 pixels, coarse to fine in blocks of 8, 16, 32 and 64 |
 //! | [`refine_lines`] | [`TwoColorField::refine_lines`](ravec_twocolor::TwoColorField::refine_lines) | 98 of 100 lines within 0.01 pixels |
+//! | [`fit_refined`] | both, one after the other | that of both, with one upload of the picture |
 //! | [`render_field`] | [`render_to`](ravec_twocolor::render_to), [`render_mosaic`](ravec_twocolor::render_mosaic) | light within 1e-5 |
 //! | [`operate_on`] | [`operate`](ravec_twocolor::operate) | abstract and smooth: the same bits, within 1e-5 at transparency and borders; sharpen and antialias: light within 1e-4 |
 //! | [`clean()`] | [`clean_with`](ravec_twocolor::clean_with) | the same bits, windows of 4, 8 and 16 pixels |
@@ -55,12 +56,14 @@ mod dense;
 mod device;
 mod error;
 mod fit;
+mod fit_refined;
 mod grid_warp;
 mod homography_warp;
 mod plane;
 mod probe;
 mod refine;
 mod render;
+pub mod timing;
 mod upload;
 mod work;
 
@@ -70,6 +73,7 @@ pub use dense::{MAX_WINDOW_PX, operate_on};
 pub use device::{AdapterInfo, DeviceChoice, Gpu, OpenOptions, adapters};
 pub use error::GpuError;
 pub use fit::{FITTED_SIDES, fit};
+pub use fit_refined::fit_refined;
 pub use grid_warp::warp_deformed;
 pub use homography_warp::warp_homography;
 pub use refine::refine_lines;

@@ -56,6 +56,7 @@ impl Planes {
             include_str!("shaders/exact.wgsl"),
             include_str!("shaders/color.wgsl"),
             include_str!("shaders/source.wgsl"),
+            include_str!("shaders/weighted_oklab.wgsl"),
             include_str!("shaders/oklab.wgsl"),
         ];
         let is_linear = color == PlaneColor::Linear;
@@ -78,16 +79,28 @@ impl Plane {
         rows: Range<usize>,
         side: usize,
     ) -> Result<Self, Failure> {
-        let count = image.width() * rows.len();
-        let columns = image.width().div_ceil(side);
-        let blocks = columns * rows.len().div_ceil(side);
+        let source = gpu.upload_rows(image, rows.clone())?;
+        Self::of_source(gpu, source, image.width(), rows.len(), side)
+    }
+
+    /// As [`Self::new`] for rows of `width` pixels that were uploaded.
+    pub fn of_source(
+        gpu: &Gpu,
+        source: wgpu::Buffer,
+        width: usize,
+        rows: usize,
+        side: usize,
+    ) -> Result<Self, Failure> {
+        let count = width * rows;
+        let columns = width.div_ceil(side);
+        let blocks = columns * rows.div_ceil(side);
         Ok(Self {
-            source: gpu.upload_rows(image, rows)?,
+            source,
             buffer: gpu.output(PLANE_PIXEL_BYTES * blocks * side * side)?,
             params: gpu.uniform(&Params {
                 zero: 0,
                 count: count as u32,
-                width: image.width() as u32,
+                width: width as u32,
                 side: side as u32,
                 columns_of_blocks: columns as u32,
                 blocks: blocks as u32,

@@ -70,32 +70,14 @@ pub fn refine_lines<P: GpuPixel>(
         Err(Stopped::Cancelled(cancelled)) => return Err(cancelled),
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the refinement", &failure);
-            let (side, columns) = (field.block_px(), field.grid_size().width());
-            let rest =
-                field.blocks()[blocks.len()..]
-                    .par_iter()
-                    .enumerate()
-                    .map(|(index, pixel)| {
-                        progress.check()?;
-                        let block = blocks.len() + index;
-                        Ok(refine_line(
-                            image,
-                            corner(block, columns, side),
-                            side,
-                            pixel,
-                        ))
-                    });
-            let rest: Vec<TwoColorPixel> = rest.collect::<Result<_, Cancelled>>()?;
+            let first = blocks.len();
+            let rest = &field.blocks()[first..];
+            let rest = refine_rest(image, field.block_px(), rest, first, progress)?;
             blocks.extend(rest);
         }
     }
     *field = TwoColorField::from_blocks(field.image_size(), field.block_px(), blocks);
     Ok(())
-}
-
-/// First column and row of a block.
-fn corner(block: usize, columns: usize, side: usize) -> [usize; 2] {
-    [block % columns * side, block / columns * side]
 }
 
 fn refine_bands<P: GpuPixel>(
@@ -105,69 +87,84 @@ fn refine_bands<P: GpuPixel>(
     progress: &Progress,
     blocks: &mut Vec<TwoColorPixel>,
 ) -> Result<(), Stopped> {
-    let refiner = Refiner {
-        gpu,
-        field,
-        image,
-        planes: Planes::new::<P>(gpu, PlaneColor::Linear)?,
-        kernel: gpu.kernel(
-            "refine",
-            "",
-            &[
-                include_str!("shaders/area.wgsl"),
-                include_str!("shaders/refine.wgsl"),
-            ],
-        )?,
+    let side = field.block_px();
+    let refiner = Refiner::new(gpu, image, side)?;
+    let grid = field.grid_size();
+    let of_rows = |rows: &Range<usize>| {
+        &field.blocks()[rows.start * grid.width()..rows.end * grid.width()]
     };
-    let (side, grid) = (field.block_px(), field.grid_size());
     let phase = progress.phase("refine", grid.height() as u64);
     let rows = (MAX_PLANE_PIXELS / (grid.width() * side * side)).max(1);
     gpu.pipelined(
         bands(grid.height(), rows),
         progress,
-        |rows| Ok(((), refiner.submit(rows)?)),
+        |rows| {
+            let pixel_rows = rows.start * side..(rows.end * side).min(image.height());
+            let source = gpu.upload_rows(image, pixel_rows)?;
+            Ok(((), refiner.submit(&rows, of_rows(&rows), source)?))
+        },
         |rows, (), bytes| {
             phase.advance(rows.len() as u64);
-            blocks.extend(refiner.refined(rows, bytes));
+            blocks.extend(refiner.refined(&rows, of_rows(&rows), bytes));
             Ok(())
         },
     )
 }
 
 /// State shared by the bands of a picture.
-struct Refiner<'a, P> {
+pub(crate) struct Refiner<'a, P> {
     gpu: &'a Gpu,
-    field: &'a TwoColorField,
     image: &'a Image<P>,
+    side: usize,
+    columns: usize,
     planes: Planes,
     kernel: Arc<wgpu::ComputePipeline>,
 }
 
-impl<P: GpuPixel> Refiner<'_, P> {
-    fn blocks(&self, rows: &Range<usize>) -> &[TwoColorPixel] {
-        let columns = self.field.grid_size().width();
-        &self.field.blocks()[rows.start * columns..rows.end * columns]
+impl<'a, P: GpuPixel> Refiner<'a, P> {
+    pub fn new(gpu: &'a Gpu, image: &'a Image<P>, side: usize) -> Result<Self, Failure> {
+        Ok(Self {
+            gpu,
+            image,
+            side,
+            columns: image.size().cells(side).width(),
+            planes: Planes::new::<P>(gpu, PlaneColor::Linear)?,
+            kernel: gpu.kernel(
+                "refine",
+                "",
+                &[
+                    include_str!("shaders/area.wgsl"),
+                    include_str!("shaders/refine.wgsl"),
+                ],
+            )?,
+        })
     }
 
-    fn submit(&self, block_rows: Range<usize>) -> Result<Pending, Failure> {
-        let side = self.field.block_px();
-        let rows = block_rows.start * side..(block_rows.end * side).min(self.image.height());
-        let blocks = self.blocks(&block_rows);
+    /// Starts the refinement of the blocks of a band, whose rows of pixels are `source`.
+    pub fn submit(
+        &self,
+        block_rows: &Range<usize>,
+        blocks: &[TwoColorPixel],
+        source: wgpu::Buffer,
+    ) -> Result<Pending, Failure> {
+        let side = self.side;
+        let (width, height) = (self.image.width(), self.image.height());
+        let rows = (block_rows.end * side).min(height) - block_rows.start * side;
         let lines: Vec<[f32; 4]> = blocks.iter().map(line_of).collect();
         let lines = self
             .gpu
             .upload(bytemuck::cast_slice(&lines), wgpu::BufferUsages::STORAGE)?;
         let params = self.gpu.uniform(&Params {
-            width: self.image.width() as u32,
-            rows: rows.len() as u32,
-            columns_of_blocks: self.field.grid_size().width() as u32,
+            width: width as u32,
+            rows: rows as u32,
+            columns_of_blocks: self.columns as u32,
             blocks: blocks.len() as u32,
             side: side as u32,
             pixels: (side * side) as u32,
             steps: STEPS,
             halvings: HALVINGS,
         })?;
-        let plane = Plane::new(self.gpu, self.image, rows, side)?;
+        let plane = Plane::of_source(self.gpu, source, width, rows, side)?;
         let bytes = 4 * WORDS * blocks.len();
         let output = self.gpu.output(bytes)?;
         let run = Run {
@@ -179,12 +176,16 @@ impl<P: GpuPixel> Refiner<'_, P> {
             .submit(&[plane.run(&self.planes), run], &output, bytes)
     }
 
-    fn refined(&self, block_rows: Range<usize>, bytes: &[u8]) -> Vec<TwoColorPixel> {
+    /// The refined blocks of a band, from the results of the kernel.
+    pub fn refined(
+        &self,
+        block_rows: &Range<usize>,
+        blocks: &[TwoColorPixel],
+        bytes: &[u8],
+    ) -> Vec<TwoColorPixel> {
         let words = Words::new(bytes);
-        let (side, columns) = (self.field.block_px(), self.field.grid_size().width());
-        let first = block_rows.start * columns;
-        let blocks = self.blocks(&block_rows).par_iter().enumerate();
-        let refined = blocks.map(|(index, pixel)| {
+        let first = block_rows.start * self.columns;
+        let refined = blocks.par_iter().enumerate().map(|(index, pixel)| {
             let at = WORDS * index;
             match words.word(at) {
                 UNCHANGED => *pixel,
@@ -201,16 +202,39 @@ impl<P: GpuPixel> Refiner<'_, P> {
                     }
                 }
                 // a block with values that are no numbers
-                _ => refine_line(
-                    self.image,
-                    corner(first + index, columns, side),
-                    side,
-                    pixel,
-                ),
+                _ => refine_on_cpu(self.image, first + index, self.columns, self.side, pixel),
             }
         });
         refined.collect()
     }
+}
+
+/// Refines a block by its number in the field.
+fn refine_on_cpu<P: GpuPixel>(
+    image: &Image<P>,
+    block: usize,
+    columns: usize,
+    side: usize,
+    pixel: &TwoColorPixel,
+) -> TwoColorPixel {
+    let corner = [block % columns * side, block / columns * side];
+    refine_line(image, corner, side, pixel)
+}
+
+/// Refines `blocks`, of which the first one has the number `first` in the field, on the CPU.
+pub(crate) fn refine_rest<P: GpuPixel>(
+    image: &Image<P>,
+    side: usize,
+    blocks: &[TwoColorPixel],
+    first: usize,
+    progress: &Progress,
+) -> Result<Vec<TwoColorPixel>, Cancelled> {
+    let columns = image.size().cells(side).width();
+    let refined = blocks.par_iter().enumerate().map(|(index, pixel)| {
+        progress.check()?;
+        Ok(refine_on_cpu(image, first + index, columns, side, pixel))
+    });
+    refined.collect()
 }
 
 /// The line of a block, and 1 if it can be refined: flat blocks cannot, nor those with transparency on one side only.

@@ -37,6 +37,8 @@ pub(crate) struct Run<'a> {
 pub(crate) struct Pending {
     buffer: wgpu::Buffer,
     bytes: u64,
+    /// When the work was handed to the device.
+    pub submitted: Instant,
     mapped: mpsc::Receiver<Result<(), wgpu::BufferAsyncError>>,
 }
 
@@ -149,7 +151,7 @@ impl Gpu {
         )
     }
 
-    /// Submits runs that follow each other, and the copy of `bytes` bytes of `output` to the CPU.
+    /// Submits runs that follow each other, none to copy alone, and the copy of `bytes` bytes of `output` to the CPU.
     pub(crate) fn submit(
         &self,
         runs: &[Run<'_>],
@@ -188,7 +190,9 @@ impl Gpu {
                 pass.dispatch_workgroups(row, groups.div_ceil(row), 1);
             }
             encoder.copy_buffer_to_buffer(output, 0, &buffer, 0, Some(size));
-            self.queue.submit([encoder.finish()]);
+            let commands = encoder.finish();
+            let submitted = Instant::now();
+            self.queue.submit([commands]);
             let (sender, mapped) = mpsc::channel();
             buffer.map_async(wgpu::MapMode::Read, 0..size, move |result| {
                 // the receiver is gone if the work was cancelled
@@ -197,6 +201,7 @@ impl Gpu {
             Pending {
                 buffer: buffer.clone(),
                 bytes: size,
+                submitted,
                 mapped,
             }
         })

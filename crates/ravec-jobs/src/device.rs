@@ -107,23 +107,24 @@ impl Device {
         with_image!(image, image => TwoColorField::fit(image, params, progress))
     }
 
-    /// Moves lines between pixel centers, as [`TwoColorField::refine_lines`] does.
+    /// Fits two-color pixels and moves their lines between pixel centers: [`TwoColorField::fit`] and then
+    /// [`TwoColorField::refine_lines`]. A GPU takes the picture once for both.
     ///
     /// # Errors
-    /// As [`TwoColorField::refine_lines`].
-    pub fn refine_lines(
+    /// As [`TwoColorField::fit`].
+    pub fn fit_refined(
         &self,
-        field: &mut TwoColorField,
         image: &AnyImage,
+        params: &FitParams,
         progress: &Progress,
-    ) -> Result<(), JobError> {
+    ) -> Result<TwoColorField, FitError> {
         #[cfg(feature = "gpu")]
         if let Some(gpu) = &self.gpu {
-            return Ok(
-                with_image!(image, image => gpu::refine_lines(gpu, field, image, progress))?,
-            );
+            return with_image!(image, image => gpu::fit_refined(gpu, image, params, progress));
         }
-        Ok(with_image!(image, image => field.refine_lines(image, progress))?)
+        let mut field = self.fit(image, params, progress)?;
+        with_image!(image, image => field.refine_lines(image, progress))?;
+        Ok(field)
     }
 
     /// Renders a field so that it fills `size`, with its lines or as a plain mosaic.

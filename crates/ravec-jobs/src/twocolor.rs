@@ -300,12 +300,13 @@ fn fitted(
         method: FitMethod::Auto,
         flat_contrast: params.flat_contrast,
     };
-    let mut field = report.time("fit", || context.device.fit(image, &fit, progress))?;
-    if !params.whole_pixels {
-        report.time("refine", || {
-            context.device.refine_lines(&mut field, image, progress)
-        })?;
-    }
+    let field = report.time("fit", || {
+        if params.whole_pixels {
+            context.device.fit(image, &fit, progress)
+        } else {
+            context.device.fit_refined(image, &fit, progress)
+        }
+    })?;
     context.device.report_warnings(report);
     Ok(Fitted::Regular(field))
 }

@@ -85,11 +85,12 @@ impl Field {
                     flat_contrast: options.flat_contrast,
                     ..FitParams::default()
                 };
-                let mut field = used.fit(&image, &params, progress).map_err(of_request)?;
-                if !options.whole_pixels {
-                    used.refine_lines(&mut field, &image, progress)
-                        .map_err(|error| of_job(&error))?;
-                }
+                let field = if options.whole_pixels {
+                    used.fit(&image, &params, progress)
+                } else {
+                    used.fit_refined(&image, &params, progress)
+                };
+                let field = field.map_err(of_request)?;
                 Ok(Blocks::Regular(field))
             }
         })?;

@@ -4,12 +4,14 @@
 mod clean;
 mod dense;
 mod fit;
+mod fit_refined;
 mod grid_warp;
 mod homography_warp;
 mod life;
 mod pictures;
 mod refine;
 mod render;
+mod timing;
 
 use ravec_gpu::{DeviceChoice, Gpu, GpuError, OpenOptions};
 use std::sync::OnceLock;
