@@ -72,9 +72,8 @@ fn main() {
         let on_gpu = median_ms(|| drop(fit(&gpu, &image, &params, &none).unwrap()));
         let on_cpu = median_ms(|| drop(TwoColorField::fit(&image, &params, &none).unwrap()));
         let ms = |time: Result<Duration, GpuError>| 1e3 * time.unwrap().as_secs_f64();
-        let [kernels, port] = [FitKernel::Plane, FitKernel::Straightforward].map(|kernel| {
-            ms(time_resident_fit(&gpu, &image, side, kernel).map(|fit| fit.time))
-        });
+        let [kernels, port] = [FitKernel::Plane, FitKernel::Straightforward]
+            .map(|kernel| ms(time_resident_fit(&gpu, &image, side, kernel).map(|fit| fit.time)));
         let transfers = median_of(|| ms(time_transfers(&gpu, &image, side)));
         println!("fit {side}: {on_gpu:.1} ms, CPU {on_cpu:.1} ms");
         println!(

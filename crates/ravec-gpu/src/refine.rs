@@ -90,9 +90,8 @@ fn refine_bands<P: GpuPixel>(
     let side = field.block_px();
     let refiner = Refiner::new(gpu, image, side)?;
     let grid = field.grid_size();
-    let of_rows = |rows: &Range<usize>| {
-        &field.blocks()[rows.start * grid.width()..rows.end * grid.width()]
-    };
+    let of_rows =
+        |rows: &Range<usize>| &field.blocks()[rows.start * grid.width()..rows.end * grid.width()];
     let phase = progress.phase("refine", grid.height() as u64);
     let rows = (MAX_PLANE_PIXELS / (grid.width() * side * side)).max(1);
     gpu.pipelined(

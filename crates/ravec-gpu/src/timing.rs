@@ -179,11 +179,7 @@ struct Straightforward {
 
 impl Straightforward {
     fn new<P: GpuPixel>(gpu: &Gpu, block_px: usize) -> Result<Self, Failure> {
-        let constants = format!(
-            "{}\n{}",
-            source_constants::<P>(),
-            sweep_constants(block_px)
-        );
+        let constants = format!("{}\n{}", source_constants::<P>(), sweep_constants(block_px));
         let parts = [
             include_str!("shaders/exact.wgsl"),
             include_str!("shaders/color.wgsl"),

@@ -39,7 +39,7 @@
 //! | `finish` | simplification, measurement, checks |
 //! | `task` | a checked offset with its inputs |
 //! | `thicken` | sheets |
-//! | `offset`, `offset_cells` | entry points |
+//! | `offset`, `offset_cells`, `draft` | entry points |
 //! | `pieces` | offsets whose steps other processes run |
 //!
 //! # Words
@@ -95,6 +95,7 @@
 //! about ten searches per removed vertex.
 
 mod domain;
+mod draft;
 mod extract;
 mod finish;
 mod grow;
@@ -111,6 +112,7 @@ mod surface;
 mod task;
 mod thicken;
 
+pub use draft::OffsetDrafts;
 pub use offset::{offset, offset_stored};
 pub use offset_cells::{OffsetCell, offset_cells};
 pub use params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};

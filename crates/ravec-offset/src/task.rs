@@ -8,9 +8,10 @@ use crate::repair::{Budget, Repair, Repaired};
 use crate::report::Offset;
 use crate::store::{NewStorage, in_memory};
 use glam::DVec3;
-use ravec_mesh::{Bvh, CheckParams, TriMesh, check};
+use ravec_mesh::{Aabb, Bvh, CheckParams, TriMesh, check};
 use ravec_octree::Frame;
 use ravec_progress::{Cancelled, Progress};
+use std::sync::Arc;
 
 /// Share of the tolerance by which the surface is moved off round numbers, at which sheets tend to touch exactly.
 const OFF_ROUND: f64 = 0.0107;
@@ -30,9 +31,45 @@ const USED_SHARE: f64 = 0.75;
 /// Memory beyond the mesh below which tiles are too small to be useful, in bytes.
 const MIN_MEMORY: u64 = 64 << 20;
 
+/// What the side of a surface depends on.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Topology {
+    boundary_edges: u64,
+    is_oriented: bool,
+}
+
+impl Topology {
+    /// For surfaces on both sides of all triangles.
+    pub const UNKNOWN: Self = Self {
+        boundary_edges: 0,
+        is_oriented: false,
+    };
+
+    pub fn of(mesh: &TriMesh, progress: &Progress) -> Result<Self, Cancelled> {
+        let quick = CheckParams {
+            self_intersections: false,
+            list_limit: 0,
+        };
+        let found = check(mesh, &quick, progress)?;
+        Ok(Self {
+            boundary_edges: found.boundary_edges.count,
+            is_oriented: found.oriented,
+        })
+    }
+}
+
+/// What offsets of a mesh share.
+#[derive(Debug, Clone)]
+pub(crate) struct Prepared {
+    pub bounds: Aabb,
+    pub bvh: Arc<Bvh>,
+    /// Needed for other sides than both.
+    pub topology: Topology,
+}
+
 /// A checked offset with its search tree, frame and grid.
 pub(crate) struct Task {
-    bvh: Bvh,
+    bvh: Arc<Bvh>,
     /// Interpretation of the triangles as a solid.
     solid: Solid,
     /// Signed distance of the surface.
@@ -62,25 +99,39 @@ impl Task {
         wound: bool,
         progress: &Progress,
     ) -> Result<Self, OffsetError> {
-        let bounds = mesh.bounds();
-        let quick = CheckParams {
-            self_intersections: false,
-            list_limit: 0,
-        };
         // most of the check runs on one thread
-        let (checked, bvh) = rayon::join(
+        let (topology, bvh) = rayon::join(
             || match params.side {
-                Side::Both => Ok(None),
-                Side::Outer | Side::Inner | Side::Shell => check(mesh, &quick, progress).map(Some),
+                Side::Both => Ok(Topology::UNKNOWN),
+                Side::Outer | Side::Inner | Side::Shell => Topology::of(mesh, progress),
             },
             || Bvh::try_new(mesh, progress),
         );
-        let (checked, bvh) = (checked?, bvh?);
-        let boundary_edges = checked
-            .as_ref()
-            .map_or(0, |found| found.boundary_edges.count);
-        let is_oriented = checked.is_some_and(|found| found.oriented);
-        let inward = matches!(params.side, Side::Inner | Side::Shell);
+        let prepared = Prepared {
+            bounds: mesh.bounds(),
+            bvh: Arc::new(bvh?),
+            topology: topology?,
+        };
+        Self::prepared(prepared, params, wound, progress)
+    }
+
+    /// As [`Self::checked`] for a mesh that is prepared.
+    pub fn prepared(
+        mesh: Prepared,
+        params: &OffsetParams,
+        wound: bool,
+        progress: &Progress,
+    ) -> Result<Self, OffsetError> {
+        let Prepared {
+            bounds,
+            bvh,
+            topology:
+                Topology {
+                    boundary_edges,
+                    is_oriented,
+                },
+        } = mesh;
+        let inward = params.side.is_inward();
         if inward && boundary_edges > 0 {
             return Err(OffsetError::NotClosed { boundary_edges });
         }
@@ -200,7 +251,7 @@ pub(crate) fn wound(
 }
 
 /// Returns a cube around a box, off its center, so that planes of symmetry do not coincide with faces of cells.
-fn frame_around(bounds: &ravec_mesh::Aabb) -> Frame {
+fn frame_around(bounds: &Aabb) -> Frame {
     let extent = bounds.size().max_element();
     let side = 1.0713 * extent;
     let slack = 0.5 * (side - extent);

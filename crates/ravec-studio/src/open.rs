@@ -231,6 +231,12 @@ impl Open {
         });
     }
 
+    /// True while the quick result of an edit is being made.
+    pub fn is_drafting(&self, edit: &Edit) -> bool {
+        let drafted = self.drafted.as_ref();
+        drafted.is_some_and(|(drafted, ..)| drafted == edit) && self.assistant.is_asked(DRAFT)
+    }
+
     /// The quick result that stands for the result of an edit, which is not there yet.
     pub fn draft(&self, edit: &Edit) -> Option<Arc<Draft>> {
         let draft = self.assistant.answer::<Draft>(DRAFT)?;

@@ -393,7 +393,7 @@ pub(crate) fn all() -> Vec<Box<dyn Tool>> {
         Box::new(trim::Trim),
         Box::new(mosaic::Mosaic::default()),
         Box::new(mesh::MeshTool {
-            draft: Some(mesh::coarse_offset),
+            draft: Some(mesh::draft_of_offset),
             ..mesh::MeshTool::new(
                 "offset",
                 "Offset",

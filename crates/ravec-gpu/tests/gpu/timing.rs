@@ -2,19 +2,16 @@
 
 use crate::gpu;
 use crate::pictures::{glass, scenes};
-use ravec_gpu::timing::{FitKernel, time_resident_fit, time_transfers};
 use ravec_gpu::GpuPixel;
+use ravec_gpu::timing::{FitKernel, time_resident_fit, time_transfers};
 use ravec_raster::{Image, Srgb, with_image};
 use std::time::Duration;
 
 fn assert_equal_splits<P: GpuPixel>(name: &str, image: &Image<P>) {
     let Some(gpu) = gpu() else { return };
     for side in [4, 8] {
-        let splits = [FitKernel::Plane, FitKernel::Straightforward].map(|kernel| {
-            time_resident_fit(gpu, image, side, kernel)
-                .unwrap()
-                .splits
-        });
+        let splits = [FitKernel::Plane, FitKernel::Straightforward]
+            .map(|kernel| time_resident_fit(gpu, image, side, kernel).unwrap().splits);
         assert_eq!(splits[0].len(), image.size().cells(side).pixels());
         assert_eq!(splits[0], splits[1], "{name}, {side} px");
     }

@@ -83,10 +83,19 @@ impl Length {
 
     /// The same length without its sign.
     pub fn abs(self) -> Self {
+        self.map(f64::abs)
+    }
+
+    /// The length times a factor.
+    pub fn times(self, factor: f64) -> Self {
+        self.map(|number| factor * number)
+    }
+
+    fn map(self, number: impl FnOnce(f64) -> f64) -> Self {
         match self {
-            Self::Units(number) => Self::Units(number.abs()),
-            Self::Percent(number) => Self::Percent(number.abs()),
-            Self::Physical(number, unit) => Self::Physical(number.abs(), unit),
+            Self::Units(value) => Self::Units(number(value)),
+            Self::Percent(value) => Self::Percent(number(value)),
+            Self::Physical(value, unit) => Self::Physical(number(value), unit),
         }
     }
 }

@@ -11,7 +11,7 @@ use bytesize::ByteSize;
 use ravec::mesh::{CheckParams, TriMesh, check, measure};
 use ravec::mesh_io::{LengthUnit, MeshFile};
 use ravec::offset::{self as library, OffsetError, OffsetParams, OpenRule, Side};
-use ravec::progress::Progress;
+use ravec::progress::{Cancelled, Progress};
 use ravec_files::scratch_file;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -131,6 +131,9 @@ impl Default for Params {
 /// At a twentieth, the eye takes rounded parts for smooth; a thousandth of the diagonal is less than a pixel of most pictures.
 const DEFAULT_TOLERANCE: [f64; 2] = [0.05, 1e-3];
 
+/// The tolerance of a draft as a share of the distance. A larger one saves nothing: cells are as large as the distance allows.
+const DRAFT_TOLERANCE: f64 = 0.2;
+
 impl Params {
     fn check(&self) -> Result<(), JobError> {
         let wrong = |field, value: Length, range| {
@@ -187,6 +190,58 @@ impl Params {
             None => (of_distance * distance).min(of_diagonal * diagonal.max(distance)),
         };
         Ok([distance, tolerance])
+    }
+}
+
+impl Params {
+    /// The parameters of the library for a distance and a tolerance in units of the mesh.
+    fn of_library(&self, [distance, tolerance]: [f64; 2]) -> OffsetParams {
+        let turns = self.open == OpenRule::Thicken && self.distance.number() < 0.0;
+        OffsetParams {
+            distance: if turns { -distance } else { distance },
+            tolerance,
+            side: self.side,
+            open: self.open,
+            simplify: !self.no_simplify,
+            max_normal_deviation_deg: self.max_normal_deviation,
+            coordinates: library::Coordinates::Double,
+            memory_bytes: self.memory.map(|size| size.as_u64()),
+        }
+    }
+}
+
+/// A mesh prepared for drafts of its offsets: surfaces that are shown while a distance is chosen.
+#[derive(Debug)]
+pub struct Drafts {
+    drafts: library::OffsetDrafts,
+    diagonal: f64,
+    unit: Option<LengthUnit>,
+}
+
+impl Drafts {
+    /// Prepares drafts of the offsets of a mesh. One that is closed and inside out is turned.
+    ///
+    /// # Errors
+    /// [`OffsetError::NoTriangles`], [`OffsetError::Cancelled`].
+    pub fn new(file: &MeshFile, progress: &Progress) -> Result<Self, OffsetError> {
+        let turned = turned(&file.mesh, progress).map_err(|_| Cancelled)?;
+        let mesh = turned.as_ref().unwrap_or(&file.mesh);
+        Ok(Self {
+            drafts: library::OffsetDrafts::new(mesh, progress)?,
+            diagonal: file.mesh.bounds().diagonal(),
+            unit: file.unit,
+        })
+    }
+
+    /// A surface as [`Offset`] makes it, with a fifth of the distance as its tolerance, before proofs, repair and
+    /// simplification; nothing for shells and thickened sheets, which have no drafts, nor for what is refused.
+    pub fn draft(&self, params: &Params, progress: &Progress) -> Option<TriMesh> {
+        params.check().ok()?;
+        let lengths = params.of(self.diagonal, params.unit.or(self.unit));
+        let [distance, _] = lengths.ok()?;
+        let params = params.of_library([distance, DRAFT_TOLERANCE * distance]);
+        let covered = library::OffsetDrafts::covers(&params);
+        covered.then(|| self.drafts.draft(&params, progress).ok())?
     }
 }
 
@@ -261,20 +316,13 @@ impl Operation for Offset {
             ("distance", distance),
             ("tolerance", tolerance),
         ]);
-        let turns = params.open == OpenRule::Thicken && params.distance.number() < 0.0;
         let asked = OffsetParams {
-            distance: if turns { -distance } else { distance },
-            tolerance,
-            side: params.side,
-            open: params.open,
-            simplify: !params.no_simplify,
-            max_normal_deviation_deg: params.max_normal_deviation,
             coordinates: if rounds(&target) {
                 library::Coordinates::Single
             } else {
                 library::Coordinates::Double
             },
-            memory_bytes: params.memory.map(|size| size.as_u64()),
+            ..params.of_library([distance, tolerance])
         };
         if params.side != Side::Both
             && let Some(turned) = turned(&mesh, progress)?

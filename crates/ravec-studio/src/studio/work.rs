@@ -7,6 +7,7 @@ use crate::open::{Draft, Open, input_of, label_of, mesh_of};
 use crate::shown::Shown;
 use crate::tools::{Gesture, Hand, MeshHand, Row, Tool};
 use crate::view::canvas::{Comparison, Layers};
+use crate::view::mesh::ShownMesh;
 use crate::view::timeline::FrameState;
 use egui::{Key, Ui};
 use ravec_jobs::video::FrameRange;
@@ -133,23 +134,26 @@ fn scene<'a>(open: &mut Open, tools: &'a mut [Box<dyn Tool>]) -> Scene<'a> {
     };
     let drafts = tool.as_ref().and_then(|tool| tool.draft());
     let moving = open.history.in_gesture();
-    // while the hand moves, a quick result takes the place of the whole one
-    if drafts.is_none() || on_input || !moving {
+    let beside = tool.as_ref().is_some_and(|tool| tool.shows_draft_beside());
+    let first = tool.as_ref().is_some_and(|tool| tool.drafts_first()) && !on_input;
+    let takes_place = |open: &Open| {
+        // while the hand moves, a quick result takes the place of the whole one; one that comes first has the processor alone
+        let drafting = |edit: &Arc<Edit>| moving || (first && open.is_drafting(edit));
+        drafts.is_some() && !on_input && edit.as_ref().is_some_and(drafting)
+    };
+    if !takes_place(open) {
         open.ask(on_input);
     }
     let snapshot = open.engine.snapshot();
-    if moving
-        && !on_input
-        && let (Some(edit), Some(_)) = (&edit, drafts)
-    {
-        open.pause_engine(edit, &snapshot);
-    }
-    let beside = tool.as_ref().is_some_and(|tool| tool.shows_draft_beside());
-    let first = tool.as_ref().is_some_and(|tool| tool.drafts_first());
     if let (Some(edit), Some(draft)) = (&edit, drafts)
         && (beside || moving || (first && snapshot.is_stale))
     {
         open.ask_draft(edit, draft, &snapshot, on_input, beside && moving);
+    }
+    if let Some(edit) = &edit
+        && takes_place(open)
+    {
+        open.pause_engine(edit, &snapshot);
     }
     let draft = edit.as_ref().and_then(|edit| open.draft(edit));
     let stands = !beside && !on_input && (moving || snapshot.is_stale);
@@ -181,7 +185,15 @@ fn mesh_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Option
         _ => None,
     };
     let ghost = own.or(ghost);
+    // a mesh has no ghost of itself
+    let is_itself = |ghost: &Arc<ShownMesh>| {
+        let shown = shown.as_ref();
+        shown.is_some_and(|shown| Arc::ptr_eq(&shown.mesh, &ghost.mesh))
+    };
+    let ghost = ghost.filter(|ghost| !is_itself(ghost));
+    let drafting = (scene.edit.as_ref()).is_some_and(|edit| open.is_drafting(edit));
     let canvas = open.mesh_canvas.as_mut()?;
+    canvas.hold_fine(drafting);
     let response = canvas.ui(ui, shown.as_ref(), ghost.as_ref());
     // a tool locks it anew while the hand is on one of its handles
     canvas.lock_orbit(false);

@@ -11,12 +11,15 @@ use glam::DVec3;
 use ravec::mesh::{Bvh, vertex_distances};
 use ravec::mesh_render::ColorMap;
 use ravec::progress::Progress;
+use ravec_jobs::mesh::{Length, offset::Drafts};
 use ravec_jobs::{Context, Finding, Step};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
 /// Kind of the questions about defects.
 const CHECK: &str = "mesh check";
+/// Kind of what drafts of offsets share.
+const DRAFTS: &str = "offset drafts";
 /// Kind of the questions about distances to the input.
 const ERRORS: &str = "mesh errors";
 
@@ -284,23 +287,31 @@ impl Tool for MeshTool {
     }
 }
 
-/// The offset at a fifth of the distance as its tolerance, not simplified. Its time depends on the distance alone: cells are as large
-/// as the distance allows.
-pub(crate) fn coarse_offset(
+/// The offset before it is proved and simplified. Its time depends on the distance alone.
+pub(crate) fn draft_of_offset(
     job: &DraftJob,
-    _memory: &mut Memory,
+    memory: &mut Memory,
     progress: &Progress,
 ) -> Option<DraftView> {
-    let distance = job.edit.param("distance").as_str()?;
-    let digits = distance
-        .find(|c: char| !c.is_ascii_digit() && c != '.' && c != '-')
-        .unwrap_or(distance.len());
-    let (number, unit) = distance.split_at(digits);
-    let tolerance = 0.2 * number.parse::<f64>().ok()?.abs();
+    let (from, to) = (result_name(0), result_name(1));
+    let Step::Offset(offset) = job.edit.step(&from, &to).ok()? else {
+        return None;
+    };
+    let file = job.input.content.mesh()?;
+    let drafts = memory.keep(DRAFTS, &job.input.key, || Drafts::new(file, progress));
+    let view = match drafts.ok()?.draft(&offset.params, progress) {
+        Some(draft) => View::Mesh(Arc::new(ShownMesh::new(Arc::new(draft)))),
+        None => coarse_offset(job, offset.params.distance, progress)?,
+    };
+    Some(DraftView::whole(view))
+}
+
+/// The offset with a fifth of the distance as its tolerance, not simplified: for shells and sheets, which have no drafts.
+fn coarse_offset(job: &DraftJob, distance: Length, progress: &Progress) -> Option<View> {
     let edit = job
         .edit
-        .with_param("tolerance", format!("{tolerance}{unit}").into())
+        .with_param("tolerance", distance.abs().times(0.2).to_string().into())
         .with_param("no_simplify", true.into());
     let (output, _) = run_in_memory(&edit, &job.input.content, progress).ok()?;
-    Some(DraftView::whole(View::new(&output, 0.0)))
+    Some(View::new(&output, 0.0))
 }

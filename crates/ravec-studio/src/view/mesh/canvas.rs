@@ -70,8 +70,9 @@ pub struct MeshCanvas {
     camera: OrbitCamera,
     /// `true` once the view was moved by hand: it is no longer fit to the mesh.
     moved: bool,
-    /// `true` if the hand held something in the last frame: then there are drafts only.
+    /// `true` if the hand held something in the last frame, or fine pictures are held back: then there are drafts only.
     held: bool,
+    holds_fine: bool,
     repaint: Arc<dyn Fn() + Send + Sync>,
     renderer: Renderer,
     gpu: Option<MeshGpu>,
@@ -100,6 +101,7 @@ impl MeshCanvas {
             camera: OrbitCamera::default(),
             moved: false,
             held: false,
+            holds_fine: false,
             renderer: Renderer::new(repaint.clone(), gpu.clone()),
             gpu,
             gpu_frames: GpuFrames::default(),
@@ -169,6 +171,11 @@ impl MeshCanvas {
     /// Stops the left button from turning the view, for a tool that drags a handle.
     pub fn lock_orbit(&mut self, locked: bool) {
         self.orbit_locked = locked;
+    }
+
+    /// Holds back fine pictures of what is about to be replaced.
+    pub fn hold_fine(&mut self, holds: bool) {
+        self.holds_fine = holds;
     }
 
     /// The view that was drawn last.
@@ -516,7 +523,7 @@ impl MeshCanvas {
 
     /// Asks for a draft of what is new, unless the GPU draws it, and for a fine picture once the hand rests.
     fn request(&mut self, ui: &Ui, wanted: Wanted, has_layers: bool) {
-        self.held = ui.input(|input| input.pointer.any_down());
+        self.held = self.holds_fine || ui.input(|input| input.pointer.any_down());
         let known = self.requested.take();
         let fine = match known {
             Some((known, fine)) if known == wanted => {
