@@ -7,8 +7,11 @@ use crate::surface::Edits;
 use crate::task::{Prepared, Task, Topology};
 use ravec_mesh::{Bvh, TriMesh};
 use ravec_octree::CellKey;
-use ravec_progress::{Cancelled, Progress};
+use ravec_progress::Progress;
 use std::sync::Arc;
+
+/// Nodes of the tree of a draft, about 1 GB.
+const MAX_NODES: usize = 2_000_000;
 
 /// A mesh with what drafts of its offsets share: its search tree and its topology.
 #[derive(Debug)]
@@ -43,7 +46,8 @@ impl OffsetDrafts {
         params.open != OpenRule::Thicken && params.side != Side::Shell
     }
 
-    /// Returns the first surface that [`offset`](crate::offset()) extracts, in about half of its time without simplification.
+    /// Returns the first surface that [`offset`](crate::offset()) extracts, in about half of its time without simplification;
+    /// nothing if that takes more than two million cells, which is no draft.
     ///
     /// Does not guarantee what that function does: triangles may leave the tolerance or intersect others, and components in
     /// cavities remain on the outer side of open meshes.
@@ -57,7 +61,7 @@ impl OffsetDrafts {
         &self,
         params: &OffsetParams,
         progress: &Progress,
-    ) -> Result<TriMesh, OffsetError> {
+    ) -> Result<Option<TriMesh>, OffsetError> {
         assert!(Self::covers(params), "no drafts of solids with the mesh");
         params.check(&self.mesh.bounds)?;
         let task = Task::prepared(self.mesh.clone(), params, false, progress)?;
@@ -70,23 +74,20 @@ impl OffsetDrafts {
             grid: task.grid,
             tolerance: params.tolerance,
         };
-        let surface = first_surface(setting, progress)?;
-        if surface.triangles().is_empty() {
-            return Err(OffsetError::Empty {
+        match first_surface(setting, progress) {
+            Ok(surface) if surface.triangles().is_empty() => Err(OffsetError::Empty {
                 distance: params.distance,
-            });
+            }),
+            Ok(surface) => Ok(Some(surface)),
+            Err(Halt::TooLarge) => Ok(None),
+            Err(Halt::Cancelled(cancelled)) => Err(cancelled.into()),
         }
-        Ok(surface)
     }
 }
 
-fn first_surface(setting: Setting<'_>, progress: &Progress) -> Result<TriMesh, Cancelled> {
+fn first_surface(setting: Setting<'_>, progress: &Progress) -> Result<TriMesh, Halt> {
     let root = CellKey::ROOT;
-    let grown = Refinement::grow(setting, root, &Edits::default(), usize::MAX, progress);
-    let grown = grown.map_err(|halt| match halt {
-        Halt::Cancelled(cancelled) => cancelled,
-        Halt::TooLarge => unreachable!("any number of nodes is allowed"),
-    })?;
+    let grown = Refinement::grow(setting, root, &Edits::default(), MAX_NODES, progress)?;
     let mut whole = Selection::Tile(root);
     let extracted = extract(&grown, &mut whole, &mut CrossingCache::default(), progress)?;
     let patch = extracted.patch(&grown, &whole, progress)?.finished();
@@ -97,6 +98,7 @@ fn first_surface(setting: Setting<'_>, progress: &Progress) -> Result<TriMesh, C
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::DVec3;
     use ravec_mesh::{CheckParams, check, measure};
     use ravec_scenes::solids::{cuboid, torus};
 
@@ -114,13 +116,14 @@ mod tests {
     fn drafts_keep_about_the_distance_and_are_closed() {
         let meshes = [
             torus(1.0, 0.4, 40, 30).mesh,
-            cuboid(glam::DVec3::new(2.0, 1.5, 1.0)).mesh,
+            cuboid(DVec3::new(2.0, 1.5, 1.0)).mesh,
         ];
         for mesh in meshes {
             let drafts = OffsetDrafts::new(&mesh, &Progress::none()).unwrap();
             let bvh = Bvh::new(&mesh);
             for side in [Side::Both, Side::Outer, Side::Inner] {
-                let draft = drafts.draft(&params(side), &Progress::none()).unwrap();
+                let draft = drafts.draft(&params(side), &Progress::none());
+                let draft = draft.unwrap().unwrap();
                 assert!(
                     check(&draft, &CheckParams::default(), &Progress::none())
                         .unwrap()
@@ -141,7 +144,7 @@ mod tests {
     fn what_has_no_offset_has_no_draft() {
         let error = OffsetDrafts::new(&TriMesh::default(), &Progress::none()).unwrap_err();
         assert_eq!(error, OffsetError::NoTriangles);
-        let block = cuboid(glam::DVec3::new(2.0, 1.5, 1.0)).mesh;
+        let block = cuboid(DVec3::new(2.0, 1.5, 1.0)).mesh;
         let drafts = OffsetDrafts::new(&block, &Progress::none()).unwrap();
         let deep = OffsetParams {
             distance: 0.6,
@@ -149,9 +152,15 @@ mod tests {
         };
         let error = drafts.draft(&deep, &Progress::none()).unwrap_err();
         assert_eq!(error, OffsetError::Empty { distance: 0.6 });
+        let fine = OffsetParams {
+            distance: 1e-3,
+            tolerance: 2e-4,
+            ..params(Side::Both)
+        };
+        assert_eq!(drafts.draft(&fine, &Progress::none()), Ok(None));
         let progress = Progress::none();
         progress.cancel();
         let error = drafts.draft(&params(Side::Both), &progress).unwrap_err();
-        assert_eq!(error, OffsetError::Cancelled(Cancelled));
+        assert_eq!(error, OffsetError::Cancelled(ravec_progress::Cancelled));
     }
 }

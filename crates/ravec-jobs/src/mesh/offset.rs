@@ -233,15 +233,22 @@ impl Drafts {
         })
     }
 
+    /// True for offsets that have drafts: not shells and thickened sheets.
+    pub fn cover(params: &Params) -> bool {
+        library::OffsetDrafts::covers(&params.of_library([1.0; 2]))
+    }
+
     /// A surface as [`Offset`] makes it, with a fifth of the distance as its tolerance, before proofs, repair and
-    /// simplification; nothing for shells and thickened sheets, which have no drafts, nor for what is refused.
+    /// simplification; nothing for what is refused, and for what would take too long for a draft.
+    ///
+    /// # Panics
+    /// If such an offset has no drafts: see [`Self::cover`].
     pub fn draft(&self, params: &Params, progress: &Progress) -> Option<TriMesh> {
         params.check().ok()?;
         let lengths = params.of(self.diagonal, params.unit.or(self.unit));
         let [distance, _] = lengths.ok()?;
         let params = params.of_library([distance, DRAFT_TOLERANCE * distance]);
-        let covered = library::OffsetDrafts::covers(&params);
-        covered.then(|| self.drafts.draft(&params, progress).ok())?
+        self.drafts.draft(&params, progress).ok()?
     }
 }
 

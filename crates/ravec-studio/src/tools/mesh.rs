@@ -298,10 +298,12 @@ pub(crate) fn draft_of_offset(
         return None;
     };
     let file = job.input.content.mesh()?;
-    let drafts = memory.keep(DRAFTS, &job.input.key, || Drafts::new(file, progress));
-    let view = match drafts.ok()?.draft(&offset.params, progress) {
-        Some(draft) => View::Mesh(Arc::new(ShownMesh::new(Arc::new(draft)))),
-        None => coarse_offset(job, offset.params.distance, progress)?,
+    let view = if Drafts::cover(&offset.params) {
+        let drafts = memory.keep(DRAFTS, &job.input.key, || Drafts::new(file, progress));
+        let draft = drafts.ok()?.draft(&offset.params, progress)?;
+        View::Mesh(Arc::new(ShownMesh::new(Arc::new(draft))))
+    } else {
+        coarse_offset(job, offset.params.distance, progress)?
     };
     Some(DraftView::whole(view))
 }
