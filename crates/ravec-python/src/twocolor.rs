@@ -2,7 +2,7 @@
 
 use crate::array::{self, PixelKind, Samples};
 use crate::device::{self, device};
-use crate::error::{of_job, of_request, of_task};
+use crate::error::{of_request, of_task};
 use crate::work;
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;

@@ -213,7 +213,7 @@ impl Params {
 /// A mesh prepared for drafts of its offsets: surfaces that are shown while a distance is chosen.
 #[derive(Debug)]
 pub struct Drafts {
-    drafts: library::OffsetDrafts,
+    of_mesh: library::OffsetDrafts,
     diagonal: f64,
     unit: Option<LengthUnit>,
 }
@@ -227,7 +227,7 @@ impl Drafts {
         let turned = turned(&file.mesh, progress).map_err(|_| Cancelled)?;
         let mesh = turned.as_ref().unwrap_or(&file.mesh);
         Ok(Self {
-            drafts: library::OffsetDrafts::new(mesh, progress)?,
+            of_mesh: library::OffsetDrafts::new(mesh, progress)?,
             diagonal: file.mesh.bounds().diagonal(),
             unit: file.unit,
         })
@@ -248,7 +248,7 @@ impl Drafts {
         let lengths = params.of(self.diagonal, params.unit.or(self.unit));
         let [distance, _] = lengths.ok()?;
         let params = params.of_library([distance, DRAFT_TOLERANCE * distance]);
-        self.drafts.draft(&params, progress).ok()?
+        self.of_mesh.draft(&params, progress).ok()?
     }
 }
 

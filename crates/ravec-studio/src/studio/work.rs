@@ -7,7 +7,7 @@ use crate::open::{Draft, Open, input_of, label_of, mesh_of};
 use crate::shown::Shown;
 use crate::tools::{Gesture, Hand, MeshHand, Row, Tool};
 use crate::view::canvas::{Comparison, Layers};
-use crate::view::mesh::ShownMesh;
+use crate::view::mesh::{AtRest, ShownMesh};
 use crate::view::timeline::FrameState;
 use egui::{Key, Ui};
 use ravec_jobs::video::FrameRange;
@@ -191,9 +191,13 @@ fn mesh_canvas_ui(ui: &mut Ui, open: &mut Open, scene: &mut Scene<'_>) -> Option
         shown.is_some_and(|shown| Arc::ptr_eq(&shown.mesh, &ghost.mesh))
     };
     let ghost = ghost.filter(|ghost| !is_itself(ghost));
-    let drafting = (scene.edit.as_ref()).is_some_and(|edit| open.is_drafting(edit));
+    // what is about to be replaced needs no fine picture
+    let at_rest = match &scene.edit {
+        Some(edit) if open.is_drafting(edit) => AtRest::Drafts,
+        _ => AtRest::Fine,
+    };
     let canvas = open.mesh_canvas.as_mut()?;
-    canvas.hold_fine(drafting);
+    canvas.set_at_rest(at_rest);
     let response = canvas.ui(ui, shown.as_ref(), ghost.as_ref());
     // a tool locks it anew while the hand is on one of its handles
     canvas.lock_orbit(false);

@@ -28,7 +28,7 @@ const MIN_SHARE: f64 = 0.05;
 const DRAFT_SIDES: [f64; 2] = [400.0, 1000.0];
 
 /// Time that a quick result may take.
-const DRAFT_TIME: Duration = Duration::from_millis(8);
+const DRAFT_TIME: Duration = Duration::from_millis(12);
 
 /// Formats that one often wants.
 const FORMATS: [(&str, f64, f64); 6] = [

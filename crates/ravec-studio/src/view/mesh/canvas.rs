@@ -42,6 +42,16 @@ enum Gesture {
     Pan(DVec3),
 }
 
+/// Pictures that are made while the hand rests.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum AtRest {
+    /// Fine ones.
+    #[default]
+    Fine,
+    /// Drafts, as while the hand moves: the mesh is about to be replaced.
+    Drafts,
+}
+
 /// Frames that the GPU draws.
 #[derive(Default)]
 struct GpuFrames {
@@ -70,9 +80,9 @@ pub struct MeshCanvas {
     camera: OrbitCamera,
     /// `true` once the view was moved by hand: it is no longer fit to the mesh.
     moved: bool,
-    /// `true` if the hand held something in the last frame, or fine pictures are held back: then there are drafts only.
+    /// `true` if the hand held something in the last frame, or there are drafts at rest as well: then there are drafts only.
     held: bool,
-    holds_fine: bool,
+    at_rest: AtRest,
     repaint: Arc<dyn Fn() + Send + Sync>,
     renderer: Renderer,
     gpu: Option<MeshGpu>,
@@ -101,7 +111,7 @@ impl MeshCanvas {
             camera: OrbitCamera::default(),
             moved: false,
             held: false,
-            holds_fine: false,
+            at_rest: AtRest::default(),
             renderer: Renderer::new(repaint.clone(), gpu.clone()),
             gpu,
             gpu_frames: GpuFrames::default(),
@@ -173,9 +183,9 @@ impl MeshCanvas {
         self.orbit_locked = locked;
     }
 
-    /// Holds back fine pictures of what is about to be replaced.
-    pub fn hold_fine(&mut self, holds: bool) {
-        self.holds_fine = holds;
+    /// Selects the pictures that are made while the hand rests.
+    pub fn set_at_rest(&mut self, at_rest: AtRest) {
+        self.at_rest = at_rest;
     }
 
     /// The view that was drawn last.
@@ -523,7 +533,7 @@ impl MeshCanvas {
 
     /// Asks for a draft of what is new, unless the GPU draws it, and for a fine picture once the hand rests.
     fn request(&mut self, ui: &Ui, wanted: Wanted, has_layers: bool) {
-        self.held = self.holds_fine || ui.input(|input| input.pointer.any_down());
+        self.held = self.at_rest == AtRest::Drafts || ui.input(|input| input.pointer.any_down());
         let known = self.requested.take();
         let fine = match known {
             Some((known, fine)) if known == wanted => {

@@ -21,7 +21,7 @@ use ravec::mesh::{Aabb, TriMesh};
 use ravec::mesh_render::ColorMap;
 use std::sync::Arc;
 
-pub use canvas::MeshCanvas;
+pub use canvas::{AtRest, MeshCanvas};
 pub use gpu::MeshGpu;
 pub use measure::Measured;
 pub use options::{MeshOptions, SectionOptions};
