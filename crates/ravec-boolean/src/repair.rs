@@ -44,7 +44,7 @@ pub(crate) struct Repaired {
     pub moved: f64,
 }
 
-/// Mends a draft whose triangles that are whole are known to meet each other properly. `input` holds the triangles that
+/// Repairs a draft whose triangles that are whole are known to meet each other properly. `input` holds the triangles that
 /// parents are named after; `reach` is how near vertices are merged in the second round, the first that does.
 ///
 /// # Errors

@@ -87,7 +87,7 @@ shifted by tx,ty,tz in units of the first mesh. Scale, or turns and scale, may b
 Colors of the vertices of PLY files follow into a PLY file, texture coordinates of OBJ and glTF files into one of these. --origins has a row for each triangle: mesh, triangle (none for one that \
 closes a hole), whether it was turned, and whether it is whole.
 
-Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, mending_rounds, self_intersections, solid (0 or 1), volume; \
+Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, repair_rounds, self_intersections, solid (0 or 1), volume; \
 largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, passed the \
 verdict, and details the report of the library.";
 
@@ -184,7 +184,7 @@ impl Operation for Boolean {
     /// written all the same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
     ///
     /// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
-    /// cut), `intersecting_pairs` of triangles, `mending_rounds` after rounding to double precision, `self_intersections`, `solid` (0
+    /// cut), `intersecting_pairs` of triangles, `repair_rounds` after rounding to double precision, `self_intersections`, `solid` (0
     /// or 1), `volume` in cubic units of the files; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
     /// an [`OperandReport`](library::OperandReport) of each input with its `name` and `path`; its `assumptions` are warnings, too.
     /// The details are a [`BooleanReport`].
@@ -251,7 +251,7 @@ impl Operation for Boolean {
             ("kept_triangles", done.kept_triangles as f64),
             ("seam_edges", result.feature_edges.len() as f64),
             ("intersecting_pairs", done.intersecting_pairs as f64),
-            ("mending_rounds", f64::from(done.repair_rounds)),
+            ("repair_rounds", f64::from(done.repair_rounds)),
             ("self_intersections", done.self_intersections as f64),
             ("solid", yes(done.solid)),
             ("volume", done.volume),

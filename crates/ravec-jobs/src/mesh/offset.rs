@@ -52,7 +52,7 @@ A length with a unit, as in 2mm, needs a file that names its own (3MF, glTF) or 
 Figures: distance, tolerance and diagonal (that of the bounding box), in units of the file that is written; certified and solid (0 or 1), \
 uncertified_triangles, self_intersections; distance_least and distance_most, which are proved for every point of the surface, and \
 distance_most_found, the most at corners and middles of its triangles; triangles, extracted_triangles (before they were merged), \
-feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, mending_rounds, \
+feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, repair_rounds, \
 split_cells and filled_corners (repairs done in it). In JSON, passed is the verdict, and details the report of the library.";
 
 /// Parameters of [`Offset`].
@@ -275,7 +275,7 @@ impl Operation for Offset {
     ///
     /// Figures: `distance`, `tolerance`, `diagonal` (units of the file that is written), `certified` and `solid` (0 or 1),
     /// `uncertified_triangles`, `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and
-    /// `deepest_level` of the octree, and how it was mended: `mending_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
+    /// `deepest_level` of the octree, and its repair: `repair_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
     /// where the surface turns by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and
     /// `distance_most_found`, the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was
     /// thickened. The details are an [`OffsetReport`](library::OffsetReport).
@@ -389,7 +389,7 @@ fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
         ("cells", done.cells as f64),
         ("deepest_level", f64::from(done.deepest_level)),
         ("tiles", done.tiles as f64),
-        ("mending_rounds", f64::from(done.rounds)),
+        ("repair_rounds", f64::from(done.rounds)),
         ("split_cells", done.split_cells as f64),
         ("filled_corners", done.filled_corners as f64),
         ("feature_edges", done.feature_edges as f64),

@@ -1,6 +1,9 @@
 use super::*;
+use crate::descriptor::{Descriptor, Weights};
 use crate::rules::violations;
+use crate::tiling::Tile;
 use proptest::prelude::*;
+use ravec_progress::Cancelled;
 
 pub(crate) fn descriptors(count: usize, seed: u64) -> Vec<Descriptor> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;

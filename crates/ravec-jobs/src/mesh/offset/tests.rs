@@ -101,7 +101,7 @@ fn a_box_grows_by_the_distance_within_the_tolerance_and_the_report_proves_it() {
     let details = report.details.as_ref().unwrap();
     for (field, figure) in [
         ("extracted_triangles", "extracted_triangles"),
-        ("rounds", "mending_rounds"),
+        ("rounds", "repair_rounds"),
         ("least_distance", "distance_least"),
     ] {
         assert_eq!(details[field].as_f64(), Some(report.figures[figure]));
