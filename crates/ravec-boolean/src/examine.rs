@@ -75,7 +75,7 @@ impl Part {
     }
 }
 
-/// The parts that are inside out, and how many triangles of the mesh have no area.
+/// The parts that are inside out, and the number of triangles of the mesh without area.
 fn reversed_parts(
     mesh: &TriMesh,
     closing: &Closing,

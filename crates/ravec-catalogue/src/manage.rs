@@ -36,7 +36,7 @@ pub struct Stats {
     pub bytes: u64,
 }
 
-/// Forgets files, and all files in folders. Returns how many photos were in the catalogue and are no longer.
+/// Forgets files, and all files in folders. Returns the number of photos that were removed.
 ///
 /// # Errors
 /// As for [`Catalogue::entries`], and [`CatalogueError::Change`].

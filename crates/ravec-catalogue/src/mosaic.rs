@@ -72,7 +72,7 @@ pub struct Mosaic {
     pub choice: Choice,
     /// Photos in the catalogue that fit the tiles.
     pub fitting: usize,
-    /// Of these, how many are different to the eye.
+    /// Number of these that are different to the eye.
     pub different: usize,
     /// Different photos in the mosaic.
     pub used: usize,

@@ -376,7 +376,7 @@ fn most_used(offsets: &[IVec2], labels: &[u16]) -> (Vec<IVec2>, Vec<u16>) {
     )
 }
 
-/// The offsets to a fraction of a pixel, and how many of them are used.
+/// The offsets to a fraction of a pixel, and the number of them that are used.
 fn to_subpixel(
     sheet: &Sheet,
     offsets: &[IVec2],

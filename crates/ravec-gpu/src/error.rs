@@ -25,7 +25,7 @@ pub enum GpuError {
     Stopped {
         /// The adapter.
         adapter: String,
-        /// What the device or its driver said.
+        /// Message of the device or its driver.
         cause: String,
     },
     /// The device's results are not those of the CPU.

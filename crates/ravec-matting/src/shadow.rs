@@ -22,7 +22,7 @@ const CHANGE: f32 = 0.05;
 /// Radius in pixels of what is too small or too thin to be a shadow: rims of the foreground are mixed with the plate, and look alike.
 const MIN_RADIUS_PX: f64 = 2.0;
 
-/// What becomes of shadows that the foreground casts on a known background.
+/// Treatment of shadows that the foreground casts on a known background.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]

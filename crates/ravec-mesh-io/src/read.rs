@@ -135,7 +135,7 @@ pub enum ReadWarning {
     PolygonsCut {
         /// Number of polygons.
         polygons: u64,
-        /// Into how many triangles.
+        /// Number of triangles that they became.
         triangles: u64,
     },
     /// Faces with fewer than three corners were left out.

@@ -32,7 +32,7 @@ pub(super) struct Line {
     pub ends: [Projected; 2],
     /// Distance by which it is brought forward.
     pub bias: f64,
-    /// By how much the depth of the surface beside it changes over a sample, up to [`MAX_SLOPE`].
+    /// Change of the depth of the surface beside it over a sample, up to [`MAX_SLOPE`].
     pub slope: f64,
     pub kind: Kind,
 }
@@ -190,7 +190,7 @@ pub(super) fn signed_area(projected: &[Projected], corners: [u32; 3]) -> f64 {
     ab.x * ac.y - ab.y * ac.x
 }
 
-/// By how much the depth of a triangle changes over a sample; 0 if it is seen edge-on and covers none.
+/// Change of the depth of a triangle over a sample; 0 if it is seen edge-on and covers none.
 fn slope(projected: &[Projected], corners: [u32; 3]) -> f64 {
     let [ab, ac] = offsets(projected, corners);
     let normal = ab.cross(ac);

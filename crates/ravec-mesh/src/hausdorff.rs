@@ -175,7 +175,7 @@ pub fn vertex_distances(
     Ok(nearest.into_iter().map(|near| near.distance).collect())
 }
 
-/// A triangle of the other surface, and how far it is.
+/// A triangle of the other surface, and its distance.
 #[derive(Debug, Clone, Copy)]
 struct Near {
     triangle: u32,

@@ -26,7 +26,7 @@ const CONTRAST: f32 = 0.15;
 /// the eight pixels a tenth.
 const REST: f32 = 0.15;
 
-/// Marks the tiles of a frame of the picture through which an edge runs, and returns how many these are.
+/// Marks the tiles of a frame of the picture through which an edge runs, and returns their number.
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is cancelled.

@@ -23,7 +23,7 @@ pub enum Crop {
     Center,
 }
 
-/// By how much the proportions of photo and tile may differ without a crop. A photo of 160 × 107 pixels is a tile of 3:2 that
+/// Largest difference of the proportions of photo and tile without a crop. A photo of 160 × 107 pixels is a tile of 3:2 that
 /// was rounded; 4:3 is another class than 3:2, which is 12 % away.
 pub const SAME_PROPORTIONS: f64 = 0.03;
 

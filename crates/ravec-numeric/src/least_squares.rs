@@ -70,7 +70,7 @@ impl<const N: usize> NormalEquations<N> {
         solve_positive(&matrix, &self.gradient.map(|g| -g))
     }
 
-    /// By how much the quadratic says that the cost falls along `step`.
+    /// Decrease of the cost along `step` by the quadratic model.
     fn predicted_fall(&self, step: &[f64; N]) -> f64 {
         let mut fall = 0.0;
         for row in 0..N {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 /// Nodes of the tree of a draft, about 1 GB.
 const MAX_NODES: usize = 2_000_000;
 
-/// A mesh with what drafts of its offsets share: its search tree and its topology.
+/// A mesh prepared for drafts of its offsets: its search tree and its topology.
 #[derive(Debug)]
 pub struct OffsetDrafts {
     mesh: Prepared,

@@ -31,7 +31,7 @@ const USED_SHARE: f64 = 0.75;
 /// Memory beyond the mesh below which tiles are too small to be useful, in bytes.
 const MIN_MEMORY: u64 = 64 << 20;
 
-/// What the side of a surface depends on.
+/// Topology that decides which side of a surface is inside.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Topology {
     boundary_edges: u64,
@@ -58,7 +58,7 @@ impl Topology {
     }
 }
 
-/// What offsets of a mesh share.
+/// Data that the offsets of a mesh share.
 #[derive(Debug, Clone)]
 pub(crate) struct Prepared {
     pub bounds: Aabb,

@@ -80,7 +80,7 @@ pub enum ProportionError {
     NotRectangular,
 }
 
-/// By how much a corner is moved for a derivative, in pixels: anything between rounding and curvature.
+/// Step of a corner for a derivative, in pixels: anything between rounding and curvature.
 const STEP_PX: f64 = 1e-3;
 
 /// Sides whose directions turn by less than this on the picture count as parallel, in radians: the corners of a quadrilateral

@@ -35,7 +35,7 @@ const BATCH_PIXELS: usize = 1 << 20;
 /// A slanted view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct View {
-    /// By how much the picture is narrower, at least 1.
+    /// Factor by which the picture is narrower, at least 1.
     tilt: f64,
     /// The direction along which it is narrowed, in eighths of a full turn from x towards y.
     eighths: i32,

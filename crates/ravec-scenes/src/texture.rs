@@ -131,7 +131,7 @@ pub struct Masonry {
     pub height: f64,
     /// Width of the joints, less than both.
     pub joint: f64,
-    /// By how much of a length each second course is shifted: 0 for tiles, 0.5 for a running bond.
+    /// Shift of each second course as a share of a length: 0 for tiles, 0.5 for a running bond.
     pub shift: f64,
 }
 

@@ -16,7 +16,7 @@ const POINTER: &str = "Pointer";
 pub struct Control {
     /// Accessible name.
     pub name: String,
-    /// What it is, such as `Button`.
+    /// Role, such as `Button`.
     pub role: String,
     /// Left, top, right and bottom in points of the window.
     pub place: [f32; 4],

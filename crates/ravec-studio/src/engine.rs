@@ -73,7 +73,7 @@ pub struct Request {
     pub frame: Option<SourceFrame>,
     /// Stops by which results are shown brighter.
     pub exposure: f32,
-    /// What edits of a shot need.
+    /// Analyses for the edits of a shot.
     pub analyses: AnalysisView,
 }
 

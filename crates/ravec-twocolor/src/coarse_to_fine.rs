@@ -38,7 +38,7 @@ pub struct RefinedSplit {
     pub normal: [f32; 2],
     /// The offset `d`.
     pub offset: f32,
-    /// By how much the split lowers the squared error below that of one color.
+    /// Decrease of the squared error by the split, below that of one color.
     pub gain: f32,
     /// Squared error of one color.
     pub energy: f32,

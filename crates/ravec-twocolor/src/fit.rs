@@ -70,7 +70,7 @@ impl<P: Color> Blocks for Image<P> {
 
 /// Fits the blocks of block row `block_row`, from left to right.
 ///
-/// `out` holds one entry a block; its length says how many there are.
+/// `out` holds one entry a block; its length is the number of blocks.
 pub(crate) fn fit_block_row(
     level: Level,
     image: &dyn Blocks,

@@ -8,14 +8,14 @@ use crate::fit::{FlatThreshold, opaque_pixel, weighted_pixel};
 use crate::pixel::{MAX_LIGHT, TwoColorPixel};
 use crate::split_table::{SplitTable, split_table};
 
-/// What the sweep over the splits of one block has found.
+/// Result of the sweep over the splits of one block.
 ///
 /// Opaque blocks that lie wholly inside the image have `weights` and `insides` of zero.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct SplitSums {
     /// Number of the best split: an index into [`SweepTable::events`].
     pub event: u32,
-    /// By how much the split lowers the squared error below that of one color. At least 0.
+    /// Decrease of the squared error by the split, below that of one color. At least 0.
     pub gain: f32,
     /// Squared error of one color.
     pub energy: f32,

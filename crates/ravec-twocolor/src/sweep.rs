@@ -41,7 +41,7 @@ pub(crate) const NO_WEIGHT: f32 = 1.0 / 131_072.0;
 pub(crate) struct Found {
     /// Index into the table's events.
     pub event: [u32; MAX_LANES],
-    /// By how much the best split lowers the squared error below that of one color. At least 0.
+    /// Decrease of the squared error by the best split, below that of one color. At least 0.
     pub gain: [f32; MAX_LANES],
     /// The squared error of one color.
     pub energy: [f32; MAX_LANES],
@@ -52,7 +52,7 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// What was found for the block in one lane.
+    /// Result for the block in one lane.
     pub fn lane(&self, lane: usize) -> SplitSums {
         SplitSums {
             event: self.event[lane],
@@ -312,7 +312,7 @@ pub(crate) struct FoundWeighted {
 }
 
 impl FoundWeighted {
-    /// What was found for the block in one lane.
+    /// Result for the block in one lane.
     pub fn lane(&self, lane: usize) -> SplitSums {
         SplitSums {
             weights: self.weight.map(|values| values[lane]),

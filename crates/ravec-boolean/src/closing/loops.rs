@@ -26,7 +26,7 @@ pub(super) struct Filled {
     pub vertices: Vec<u32>,
     /// The surface.
     pub patch: Patch,
-    /// Of how many loops it was joined.
+    /// Number of loops that it was joined of.
     pub loops: u32,
 }
 

@@ -171,7 +171,7 @@ struct Parser<'a, 'b> {
     resolve: &'a mut Resolve<'b>,
 }
 
-/// An expression, and how many levels it has.
+/// An expression and its depth.
 type Leveled = (Expr, usize);
 
 impl Parser<'_, '_> {

@@ -200,7 +200,7 @@ impl Retouch<'_> {
         Ok(())
     }
 
-    /// Looks once more for every fragment, as all around it is known now; returns how many were replaced.
+    /// Looks once more for every fragment, as all around it is known now; returns the number of those replaced.
     fn polish(
         &mut self,
         first: usize,

@@ -77,7 +77,7 @@ pub(super) struct Level {
     pub(super) luma: Vec<f32>,
     /// The other values, without a frame.
     pub(super) planes: Vec<Vec<f32>>,
-    /// For each pixel how many source pixels there are from it to the right, itself included; 255 for more.
+    /// For each pixel the number of source pixels from it to the right, itself included; 255 for more.
     pub(super) runs: Vec<u8>,
 }
 

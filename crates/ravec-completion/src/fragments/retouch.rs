@@ -204,7 +204,7 @@ impl<'a> Retouch<'a> {
         }
     }
 
-    /// Takes a step, and returns how many pixels it changed. Pixels outside the hole never change.
+    /// Takes a step, and returns the number of pixels that it changed. Pixels outside the hole never change.
     ///
     /// A step that was changed by hand may reach sources that are not known; what it cannot give stays as it was.
     ///

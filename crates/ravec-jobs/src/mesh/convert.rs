@@ -274,7 +274,7 @@ pub(super) fn unit_scale(target: MeshTarget) -> f64 {
     }
 }
 
-/// By how much a coordinate changes at most.
+/// Largest change of a coordinate.
 fn largest_rounding(mesh: &TriMesh, target: MeshTarget) -> f64 {
     let scale = unit_scale(target);
     let positions = mesh.positions().iter();

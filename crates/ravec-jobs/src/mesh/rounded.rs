@@ -9,7 +9,7 @@ use ravec::progress::Progress;
 
 /// Effect of rounding on a mesh.
 pub(super) struct Rounded {
-    /// By how much a coordinate changes at most.
+    /// Largest change of a coordinate.
     pub moved: f64,
     /// Verdict on the rounded mesh, if it differs.
     pub check: Option<MeshCheck>,

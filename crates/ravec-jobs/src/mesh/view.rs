@@ -87,7 +87,7 @@ pub struct Cut {
 pub struct CutError;
 
 impl Cut {
-    /// The unit normal toward the side that is taken away, and how far along it the plane is.
+    /// The unit normal toward the side that is taken away, and the position of the plane along it.
     ///
     /// `None` if the plane is nowhere: the direction is 0, or the mesh is empty and the place a share.
     ///

@@ -130,7 +130,7 @@ pub enum Border {
     Black,
     /// The border pixels go on
     Repeat,
-    /// What was there in the last frame
+    /// Pixels of the last frame
     Last,
 }
 

@@ -118,7 +118,7 @@ impl Exclusions {
         self.strokes.clone()
     }
 
-    /// What strokes of a frame say: foreground and plane.
+    /// Strokes of a frame: foreground and plane.
     pub fn strokes(&self, index: u64) -> Result<Option<[Mask; 2]>, JobError> {
         self.strokes.of(index)
     }
@@ -150,7 +150,7 @@ impl StrokePictures {
         self.files.keys().copied()
     }
 
-    /// What strokes of a frame say: foreground and plane.
+    /// Strokes of a frame: foreground and plane.
     pub fn of(&self, index: u64) -> Result<Option<[Mask; 2]>, JobError> {
         let Some(path) = self.files.get(&index) else {
             return Ok(None);

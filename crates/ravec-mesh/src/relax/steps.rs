@@ -29,7 +29,7 @@ pub(super) struct Fan<L> {
     pub triangles: Vec<u32>,
     /// Those that take the places of `triangles`, in the same order, and behind them new ones.
     pub after: Vec<Facet<L>>,
-    /// By how much the sum of their faults becomes less.
+    /// Decrease of the sum of their faults.
     pub gain: f64,
 }
 

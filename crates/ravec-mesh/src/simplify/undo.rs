@@ -53,7 +53,7 @@ struct History<'a> {
     before: &'a [u32],
     /// Of those that stand for others, whether one of these was merged or moved since the checkpoint.
     is_new: Vec<bool>,
-    /// For how many it stood at the checkpoint.
+    /// Number of vertices that it stood for at the checkpoint.
     size: Vec<u32>,
     restored: Vec<bool>,
     /// `true` if it is restored to its original state.

@@ -62,7 +62,7 @@ pub struct Coverage {
     pub excused: Vec<Gap>,
 }
 
-/// Half of how many places are looked at closely.
+/// Half of the number of places that are examined closely.
 const MOST_FAR: usize = 3000;
 
 struct Sample {
@@ -131,7 +131,7 @@ pub fn coverage(truth: &Truth<'_>, surface: &TriMesh, tolerance: f64, spacing: f
 }
 
 impl Truth<'_> {
-    /// By how much rounding may change a distance.
+    /// Largest change of a distance by rounding.
     fn slack(&self) -> f64 {
         let bounds = self.mesh.bounds();
         let size = bounds.min.abs().max(bounds.max.abs()).max_element();

@@ -191,7 +191,7 @@ fn settle(
     Some(corner_sigma)
 }
 
-/// How badly a pose fits at a level, 0 to 1: the mean over blocks of the residuals, clipped at the contrast of the block. All
+/// Misfit of a pose at a level, 0 to 1: the mean over blocks of the residuals, clipped at the contrast of the block. All
 /// blocks have the same say, or an object of high contrast would outvote a plain background.
 pub(super) fn cost(level: &Level, plane: &Plane, pose: &Pose, scratch: &mut Scratch) -> f64 {
     if residuals(level, plane, pose, scratch).is_none() {
@@ -348,7 +348,7 @@ pub(super) fn evidence(
     })
 }
 
-/// How much speaks for a motion and against another one.
+/// Evidence for a motion and against another one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Evidence {
     /// The mean over blocks, −1 to 1.

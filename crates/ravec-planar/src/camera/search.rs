@@ -62,7 +62,7 @@ fn scaled(picture: &Picture) -> Plane {
 /// Side of the windows that are looked for, in pixels of the level.
 const WINDOW: usize = 12;
 
-/// How far a window may have moved along each axis, in pixels of the level: with the default working size 9 % of the width.
+/// Largest motion of a window along each axis, in pixels of the level: with the default working size 9 % of the width.
 const REACH: isize = 10;
 
 /// Correlation from which a window is found. Chance alone reaches 0.8 among so many shifts of smooth windows.

@@ -170,7 +170,7 @@ pub(super) struct Moves {
     pub excess: f64,
 }
 
-/// By how much both ends of a line shift when each move grows by 1.
+/// Shift of both ends of a line when each move grows by 1.
 type Ends = [[f32; MOVES]; 2];
 
 /// Moves and what they find.
@@ -312,7 +312,7 @@ impl<'a> Level<'a> {
         sum - self.penalty * moves.iter().map(|m| m * m).sum::<f32>()
     }
 
-    /// By how far both ends of each line shift, in cells of the tables times [`CELL`].
+    /// Shift of both ends of each line, in cells of the tables times [`CELL`].
     fn in_cells(&self, moves: [f32; MOVES]) -> impl Iterator<Item = [i32; 2]> {
         let scale = 2.0 / self.step * CELL as f32;
         // far outside is outside, and two of these do not overflow

@@ -30,7 +30,7 @@ pub(super) struct Site {
     pub at: DVec2,
     /// Across the line, of length 1.
     pub normal: DVec2,
-    /// By how many pixels the line moves along the normal when it moves on by a column or row.
+    /// Pixels that the line moves along the normal from one column or row to the next.
     pub cell_px: f64,
     pub family: Family,
 }
@@ -38,7 +38,7 @@ pub(super) struct Site {
 /// Places on lines that lie in the picture.
 pub(super) struct Sites {
     pub sites: Vec<Site>,
-    /// By how much each line moves across itself at both ends when a corner's x or y grows by 1: x₀, y₀, x₁, … Between the
+    /// Motion of each line across itself at both ends when a corner's x or y grows by 1: x₀, y₀, x₁, … Between the
     /// ends it changes evenly, as a line moves to a line.
     pub ends: Vec<[[f64; 8]; 2]>,
 }
@@ -114,7 +114,7 @@ impl Sites {
         reach_px.min(across.fold(0.0, f64::max)).min(affordable)
     }
 
-    /// By how much the line moves across itself at a site when a corner's x or y grows by 1: x₀, y₀, x₁, …
+    /// Motion of the line across itself at a site when a corner's x or y grows by 1: x₀, y₀, x₁, …
     pub(super) fn influence(&self, site: &Site) -> [f64; 8] {
         let [start, end] = &self.ends[site.line];
         std::array::from_fn(|k| start[k] + site.along * (end[k] - start[k]))

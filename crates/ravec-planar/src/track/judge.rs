@@ -30,7 +30,7 @@ const MIN_SIGMA_PX: f64 = 0.002;
 const FREE_BLUR: f64 = 4.0;
 const BLUR_SIGMA: f64 = 0.08;
 
-/// What of the plane is seen.
+/// Visible part of the plane.
 #[derive(Debug, Clone)]
 pub(super) struct Verdict {
     /// Share of the texture of the template that is in view and alike.
@@ -143,7 +143,7 @@ pub(super) fn judge(samples: &Samples, pose: &Pose, scale: f32, scratch: &Scratc
     }
 }
 
-/// How well a pose fits at a coarse level: the correlation of blocks, weighted by their texture, 0 to 1. Samples out of view count
+/// Fit of a pose at a coarse level: the correlation of blocks, weighted by their texture, 0 to 1. Samples out of view count
 /// a quarter.
 pub(super) fn similarity(samples: &Samples, values: &[f32]) -> f64 {
     let (mut all, mut good) = (0.0f64, 0.0f64);

@@ -255,7 +255,7 @@ impl Frame {
         Homography::from_pairs(&self.corners, &moved).unwrap_or(Homography::IDENTITY)
     }
 
-    /// How far a map moves the corners; nothing behind its horizon.
+    /// Distance by which a map moves the corners; nothing behind its horizon.
     fn motion(&self, map: &Homography) -> Option<Vector> {
         let moved = map.is_in_front(&self.corners).then(|| {
             let images = self.corners.map(|p| map.apply(p));
@@ -401,7 +401,7 @@ fn smooth_shot(path: &Path, frame: &Frame, period: f64, max_crop: f64) -> (Vec<V
     (all, limited)
 }
 
-/// How far the content has moved in the output beyond the smooth path, summed from frame to frame: small motions do not quite
+/// Motion of the content in the output beyond the smooth path, summed from frame to frame: small motions do not quite
 /// add up. Nothing if the output has a horizon.
 fn excess(
     path: &[Option<(Homography, Vector)>],

@@ -47,7 +47,7 @@ impl Window {
         dvec2(self.first[0] as f64, self.first[1] as f64)
     }
 
-    /// Its pixels as numbers, and how many of them a row has.
+    /// Its pixels as numbers, and the length of a row.
     #[inline(always)]
     pub(super) fn numbers(&self) -> (&[f32], usize) {
         (self.pixels.as_flattened(), 4 * self.width)

@@ -130,7 +130,7 @@ pub fn clip(id: ClipId, size: Size, frames: usize, seed: Seed) -> Clip {
     }
 }
 
-/// What all shots of a clip have in common.
+/// Data that all shots of a clip share.
 #[derive(Clone, Copy)]
 struct Stage {
     size: Size,

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct Light {
     /// Factor of the light, at least 0.
     pub gain: Track,
-    /// What is added to each channel, in linear light.
+    /// Offset of each channel, in linear light.
     pub offset: Track,
     /// Height of a horizontal sine wave that is added and rolls down the frame, in linear light: 0 for none.
     pub bar: f64,
@@ -38,7 +38,7 @@ impl Default for Light {
 pub struct FrameLight {
     /// Factor of the linear light, fades included.
     pub gain: f64,
-    /// What is added to each channel after that.
+    /// Offset of each channel after that.
     pub offset: f64,
     /// Height of the rolling bar: row `r` of `h` gets `bar·sin(2π(r + ½)/h − bar_phase_rad)` on top.
     pub bar: f64,

@@ -126,7 +126,7 @@ pub(super) fn evaluate(
 struct Chain {
     /// The edits that each result is made by, from the source on.
     keys: Vec<String>,
-    /// What an edit of a shot needs, for each edit.
+    /// Analyses for the edits of a shot, by edit.
     prepared: Vec<Option<ShotEdit>>,
 }
 

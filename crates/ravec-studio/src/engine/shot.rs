@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 /// An edit of a shot with what it needs.
 pub(crate) enum ShotEdit {
-    /// What it needs is not there yet: frames stay as they are.
+    /// Its inputs are not there yet: frames stay as they are.
     Waits,
     /// The foreground of the clip.
     Foreground { mattes: FrameMattes, key: String },

@@ -7,11 +7,11 @@ use std::time::Duration;
 /// Figures of a measurement.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Measurement {
-    /// What is measured.
+    /// Subject of the measurement.
     pub about: String,
     /// Columns and rows of the picture that was opened; zeros for a mesh.
     pub size: [usize; 2],
-    /// How the window is drawn: `no window`, or the name of the adapter.
+    /// Renderer of the window: `no window`, or the name of the adapter.
     pub drawn_by: String,
     /// Threads that compute.
     pub threads: usize,
@@ -48,7 +48,7 @@ pub struct GestureFigures {
     pub blank_frames: usize,
 }
 
-/// What is recorded about the gestures of a name.
+/// Record of the gestures of a name.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Record {
     pub name: String,

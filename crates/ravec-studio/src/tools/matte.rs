@@ -47,13 +47,13 @@ struct Answer {
     shown: Arc<Shown>,
 }
 
-/// What an answer depends on.
+/// Inputs of an answer.
 #[derive(Clone, PartialEq)]
 struct Key {
     frame: Arc<str>,
     marks: Value,
     look: Look,
-    /// What the mattes were made with, but for strokes.
+    /// Parameters of the mattes without strokes.
     unmarked: Arc<str>,
 }
 

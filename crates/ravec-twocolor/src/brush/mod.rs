@@ -79,7 +79,7 @@ pub fn replay(
     })
 }
 
-/// One stroke, already in pixels of the picture; returns how many pixels it could change.
+/// One stroke, already in pixels of the picture; returns the number of pixels that it could change.
 fn paint(
     canvas: &mut Canvas,
     mask: &mut Option<Plane>,

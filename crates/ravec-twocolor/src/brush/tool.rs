@@ -25,7 +25,7 @@ pub(crate) struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    /// Paints the pixels of `region` into `image` (and the mask); returns how many had a positive effect.
+    /// Paints the pixels of `region` into `image` (and the mask); returns the number with a positive effect.
     pub fn paint(
         &self,
         region: Rect,

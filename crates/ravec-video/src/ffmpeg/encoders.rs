@@ -15,7 +15,7 @@ const THREADS: &str = "8";
 /// Quality for which none is chosen.
 const DEFAULT_QUALITY: u8 = 75;
 
-/// How quality is set.
+/// Option that sets the quality.
 #[derive(Debug, Clone, Copy)]
 enum Scale {
     /// A constant rate factor at quality 0 and at quality 100.

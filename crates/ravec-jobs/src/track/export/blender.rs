@@ -17,7 +17,7 @@ use std::fmt::Write as _;
 /// Corners of ours in the order of Blender: lower left, lower right, upper right, upper left.
 const ORDER: [usize; 4] = [3, 2, 1, 0];
 
-/// What the script does with its frames.
+/// Part of the script that uses its frames.
 const BODY: &str = r#"
 import bpy
 

@@ -128,7 +128,7 @@ struct Edit {
 enum AlphaSource {
     /// A clip or a picture.
     File { masks: Exclusions, path: PathBuf },
-    /// What an operation that has not run yet would write.
+    /// Mattes that an operation would write, solved frame by frame.
     Live(FrameMattes),
 }
 

@@ -82,7 +82,7 @@ impl Task {
         ended.filter(|ended| ended.number == self.number)
     }
 
-    /// Draws how far the task is, and a button that stops it.
+    /// Draws the progress of the task, and a button that stops it.
     pub fn ui(&self, ui: &mut Ui) {
         let update = *lock(&self.update);
         ui.horizontal(|ui| {

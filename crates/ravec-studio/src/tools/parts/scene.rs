@@ -124,7 +124,7 @@ pub(super) struct Scene {
     pub parts: Vec<NamedPart>,
 }
 
-/// What a scene is made of.
+/// Parts of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SceneJob {
     pub edit: EditId,
