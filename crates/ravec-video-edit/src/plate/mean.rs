@@ -52,7 +52,7 @@ impl PlateModes {
         Self::add_planes(std::slice::from_mut(self), &[Some(*frame)])
     }
 
-    /// Takes the next frame of a shot of several planes, as [`PlateSamples::add_planes`] does.
+    /// Takes the next frame of a shot of several planes, as [`PlateSamples::add_planes`](super::PlateSamples::add_planes) does.
     ///
     /// # Errors
     /// [`VideoEditError::SizesDiffer`].
