@@ -80,7 +80,7 @@ pub fn choose_by_hand(
 }
 
 /// Chooses as [`choose_by_hand`] does, with the answers to [`Photos::searches`] if they are known: the nearest photos of each tile
-/// by [`PhotoIndex::nearest`].
+/// by [`PhotoIndex::nearest`](crate::PhotoIndex::nearest).
 ///
 /// # Errors
 /// As [`choose_by_hand`].

@@ -161,7 +161,7 @@ impl Photos {
         self.one_of_each_group(near)
     }
 
-    /// The `count` photos nearest to a tile, the nearest first, by the squared distances that [`choose()`] compares. Of
+    /// The `count` photos nearest to a tile, the nearest first, by the squared distances that [`choose()`](crate::choose()) compares. Of
     /// near-duplicates only the nearest is there, and none that is banned; there are fewer if there are not so many.
     pub fn nearest(&self, tile: &Tile, count: usize) -> Vec<Near> {
         let mut asked = count;
@@ -175,8 +175,8 @@ impl Photos {
         }
     }
 
-    /// The search for the candidates of each tile: the first step of [`choose_by_hand`], which takes the answers from
-    /// [`choose_found`].
+    /// The search for the candidates of each tile: the first step of [`choose_by_hand`](crate::choose_by_hand), which takes the answers from
+    /// [`choose_found`](crate::choose_found).
     ///
     /// # Errors
     /// [`ChooseError`] if what is set by hand makes no sense.
