@@ -19,7 +19,7 @@ use crate::plane::{MAX_PLANE_PIXELS, Plane, PlaneColor, Planes};
 use crate::upload::GpuPixel;
 use crate::work::{Pending, Run, Words, bands};
 use ravec_progress::Progress;
-use ravec_raster::Image;
+use ravec_raster::{Image, Size};
 use ravec_twocolor::{
     FitError, FitMethod, FitParams, MIN_FITTED_WEIGHT, SplitSums, SweepTable, TwoColorField,
     TwoColorPixel,
@@ -143,25 +143,28 @@ pub fn fit<P: GpuPixel>(
     } else {
         coarse_to_fine::fit_bands(gpu, image, params, progress, &mut blocks)
     };
+    let on_cpu = |rows| TwoColorField::fit_some_rows(image, params, rows, progress);
+    completed(gpu, image.size(), side, (result, blocks), on_cpu)
+}
+
+/// The field of the blocks that the device has fitted. `on_cpu` fits the rows that it has left.
+pub(crate) fn completed(
+    gpu: &Gpu,
+    size: Size,
+    side: usize,
+    (result, mut blocks): (Result<(), Stopped>, Vec<TwoColorPixel>),
+    on_cpu: impl FnOnce(Range<usize>) -> Result<Vec<TwoColorPixel>, FitError>,
+) -> Result<TwoColorField, FitError> {
     match result {
         Ok(()) => {}
         Err(Stopped::Cancelled(cancelled)) => return Err(cancelled.into()),
         Err(Stopped::Failed(failure)) => {
             gpu.warn("the fit", &failure);
-            let done = blocks.len() / grid.width();
-            blocks.extend(TwoColorField::fit_some_rows(
-                image,
-                params,
-                done..grid.height(),
-                progress,
-            )?);
+            let grid = size.cells(side);
+            blocks.extend(on_cpu(blocks.len() / grid.width()..grid.height())?);
         }
     }
-    Ok(TwoColorField::from_blocks(
-        image.size(),
-        params.block_px,
-        blocks,
-    ))
+    Ok(TwoColorField::from_blocks(size, side, blocks))
 }
 
 /// True if the method of the CPU for these parameters examines all splits of a block.

@@ -8,7 +8,7 @@
 
 use crate::device::Gpu;
 use crate::error::Stopped;
-use crate::fit::{FITTED_SIDES, Fitter, fit, is_exact};
+use crate::fit::{FITTED_SIDES, Fitter, completed, fit, is_exact};
 use crate::refine::{Refiner, refine_lines, refine_rest};
 use crate::upload::GpuPixel;
 use crate::work::{Pending, bands};
@@ -34,20 +34,14 @@ pub fn fit_refined<P: GpuPixel>(
         refine_lines(gpu, &mut field, image, progress)?;
         return Ok(field);
     }
-    let grid = image.size().cells(side);
-    let mut blocks = Vec::with_capacity(grid.pixels());
-    match fit_refined_bands(gpu, image, params, progress, &mut blocks) {
-        Ok(()) => {}
-        Err(Stopped::Cancelled(cancelled)) => return Err(cancelled.into()),
-        Err(Stopped::Failed(failure)) => {
-            gpu.warn("the fit", &failure);
-            let first = blocks.len();
-            let rows = first / grid.width()..grid.height();
-            let rest = TwoColorField::fit_some_rows(image, params, rows, progress)?;
-            blocks.extend(refine_rest(image, side, &rest, first, progress)?);
-        }
-    }
-    Ok(TwoColorField::from_blocks(image.size(), side, blocks))
+    let mut blocks = Vec::with_capacity(image.size().cells(side).pixels());
+    let result = fit_refined_bands(gpu, image, params, progress, &mut blocks);
+    let first = blocks.len();
+    let on_cpu = |rows| {
+        let rest = TwoColorField::fit_some_rows(image, params, rows, progress)?;
+        Ok(refine_rest(image, side, &rest, first, progress)?)
+    };
+    completed(gpu, image.size(), side, (result, blocks), on_cpu)
 }
 
 /// A band with its fitted blocks, whose refinement is in flight.

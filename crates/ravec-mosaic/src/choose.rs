@@ -28,7 +28,6 @@ use crate::rules::{ChooseError, Placement, Rules};
 use crate::search::Near;
 use crate::tiling::Tiling;
 use ravec_progress::Progress;
-use rayon::prelude::*;
 use start::{cheapest_of_groups, place_rest};
 
 /// Assignment of photos to tiles, and its cost.
@@ -111,60 +110,21 @@ pub fn choose_found(
             changes: 0,
         });
     }
-    let queries: Vec<Vec<f32>> = tiles
-        .iter()
-        .map(|tile| photos.class(tile).vector(&tile.descriptor))
-        .collect();
-    let mut problem = Problem {
-        tiling,
-        tiles,
-        photos,
-        queries,
-        hand,
-        candidates: Vec::new(),
-    };
     let count = params.candidates.max(1);
-    problem.candidates = match found {
-        None => problem.candidates(count, progress)?,
-        Some(found) => {
-            assert_eq!(found.len(), tiles.len(), "each tile has an answer");
-            let found = found.into_par_iter().enumerate();
-            found
-                .map(|(tile, near)| problem.allowed(tile, near, count))
-                .collect()
-        }
-    };
+    let mut problem = Problem::new(tiling, photos, hand);
+    problem.find_candidates(found, count, progress)?;
     let hand = problem.hand.clone();
-    let without = (0..tiles.len())
-        .find(|&tile| hand.pinned(tile).is_none() && problem.candidates[tile].is_empty());
-    if let Some(tile) = without {
-        return Err(ChooseError::NothingLeft { tile });
-    }
     let centers = tiling.centers();
     let mut placement = Placement::new(*rules, &centers, &photos.groups, different).with(&hand);
     for (tile, photo) in hand.pins() {
         placement.put(tile, Some(photo));
     }
-    let nearest_sum: f64 = problem
-        .candidates
-        .iter()
-        .enumerate()
-        .filter_map(|(tile, near)| match hand.pinned(tile) {
-            Some(photo) => Some(problem.cost(tile, photo)),
-            None => near.first().map(|near| near.distance_sq),
-        })
-        .map(f64::from)
-        .sum();
     let counted = rules.max_uses.is_some() || rules.use_all;
     let spread = rules.min_repeat_distance > 1.0;
-    let mut bound = nearest_sum;
+    let mut bound = problem.least_cost();
     if counted && tiles.len().saturating_mul(different) <= MAX_COSTS {
         let best = cheapest_of_groups(&problem, &placement, progress)?;
-        bound = best
-            .iter()
-            .enumerate()
-            .map(|(tile, &photo)| f64::from(problem.cost(tile, photo)))
-            .sum();
+        bound = problem.cost_of(&best);
         if !spread {
             for (tile, &photo) in best.iter().enumerate() {
                 placement.put(tile, Some(photo));
@@ -192,14 +152,9 @@ pub fn choose_found(
     let chosen: Vec<u32> = (0..tiles.len())
         .filter_map(|tile| placement.photo(tile))
         .collect();
-    let cost = chosen
-        .iter()
-        .enumerate()
-        .map(|(tile, &photo)| f64::from(problem.cost(tile, photo)))
-        .sum();
     Ok(Choice {
+        cost: problem.cost_of(&chosen),
         photos: chosen,
-        cost,
         bound,
         changes,
     })

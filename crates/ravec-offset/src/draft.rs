@@ -67,13 +67,7 @@ impl OffsetDrafts {
         let task = Task::prepared(self.mesh.clone(), params, false, progress)?;
         let field = task.field(progress)?;
         let enclosed = task.enclosed(&field, params.side, usize::MAX, progress)?;
-        let setting = Setting {
-            field: &field,
-            enclosed: &enclosed,
-            frame: task.frame,
-            grid: task.grid,
-            tolerance: params.tolerance,
-        };
+        let setting = task.setting(&field, &enclosed, params);
         match first_surface(setting, progress) {
             Ok(surface) if surface.triangles().is_empty() => Err(OffsetError::Empty {
                 distance: params.distance,

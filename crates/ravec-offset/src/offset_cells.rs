@@ -1,6 +1,6 @@
 //! Cells of the octree, for inspection.
 
-use crate::grow::{Halt, Refinement, Setting};
+use crate::grow::{Halt, Refinement};
 use crate::params::{OffsetError, OffsetParams};
 use crate::surface::Edits;
 use crate::task::Task;
@@ -33,15 +33,8 @@ pub fn offset_cells(
     let task = Task::new(mesh, params, progress)?;
     let field = task.field(progress)?;
     let enclosed = task.enclosed(&field, params.side, usize::MAX, progress)?;
-    let setting = Setting {
-        field: &field,
-        enclosed: &enclosed,
-        frame: task.frame,
-        grid: task.grid,
-        tolerance: params.tolerance,
-    };
     let grown = Refinement::grow(
-        setting,
+        task.setting(&field, &enclosed, params),
         CellKey::ROOT,
         &Edits::default(),
         usize::MAX,

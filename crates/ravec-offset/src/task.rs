@@ -174,6 +174,22 @@ impl Task {
         }
     }
 
+    /// What the octree is grown by.
+    pub fn setting<'a>(
+        &self,
+        field: &'a Field<'a>,
+        enclosed: &'a Enclosed,
+        params: &OffsetParams,
+    ) -> Setting<'a> {
+        Setting {
+            field,
+            enclosed,
+            frame: self.frame,
+            grid: self.grid,
+            tolerance: params.tolerance,
+        }
+    }
+
     pub fn field(&self, progress: &Progress) -> Result<Field<'_>, Cancelled> {
         Field::new(&self.bvh, self.solid, self.level, progress)
     }
@@ -204,13 +220,7 @@ impl Task {
         enclosed: &'a Enclosed,
     ) -> Repair<'a> {
         Repair {
-            setting: Setting {
-                field: finish.field,
-                enclosed,
-                frame: self.frame,
-                grid: self.grid,
-                tolerance: params.tolerance,
-            },
+            setting: self.setting(finish.field, enclosed, params),
             limits: finish.limits,
             outer_only: params.side == Side::Outer,
             budget: finish.budget,
