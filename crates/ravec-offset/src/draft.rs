@@ -10,8 +10,8 @@ use ravec_octree::CellKey;
 use ravec_progress::Progress;
 use std::sync::Arc;
 
-/// Nodes of the tree of a draft, about 1 GB.
-const MAX_NODES: usize = 2_000_000;
+/// Nodes of the tree of a draft, about 250 MB and two seconds.
+const MAX_NODES: usize = 500_000;
 
 /// A mesh prepared for drafts of its offsets: its search tree and its topology.
 #[derive(Debug)]
@@ -47,7 +47,7 @@ impl OffsetDrafts {
     }
 
     /// Returns the first surface that [`offset`](crate::offset()) extracts, in about half of its time without simplification;
-    /// nothing if that takes more than two million cells, which is no draft.
+    /// nothing if that takes more than half a million cells, which is no draft.
     ///
     /// Does not guarantee what that function does: triangles may leave the tolerance or intersect others, and components in
     /// cavities remain on the outer side of open meshes.

@@ -14,9 +14,14 @@ use crate::view::timeline::Timeline;
 use egui::Ui;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Kind of the questions about quick results.
 pub(crate) const DRAFT: &str = "draft";
+
+/// Time for which a quick result that comes first has the processor alone. One that takes longer is no longer quick: the whole
+/// result, which shows its progress and can be stopped, is computed beside it.
+pub(crate) const DRAFT_ALONE: Duration = Duration::from_millis(500);
 
 /// A quick result of an edit, in place of the one that is not there yet.
 #[derive(Debug, Clone)]
@@ -60,6 +65,8 @@ pub(crate) struct Open {
     asked: Option<Request>,
     /// The edit and input for which a quick result was asked last, and `true` if it was a coarse one.
     drafted: Option<(Edit, Arc<str>, bool)>,
+    /// Time of that question.
+    drafted_at: Instant,
     /// Left and top, columns and rows of the picture that were seen last.
     pub seen: [f64; 4],
     /// The canvas of quick results in the panel.
@@ -100,6 +107,7 @@ impl Open {
             exposure: 0.0,
             asked: None,
             drafted: None,
+            drafted_at: Instant::now(),
             seen: [0.0; 4],
             beside: Canvas::default(),
         }
@@ -207,6 +215,7 @@ impl Open {
             return;
         }
         self.drafted = Some(wanted);
+        self.drafted_at = Instant::now();
         let [width, height] = input.content.size();
         // what is shown may have another scale than the input
         let [shown_width, shown_height] = snapshot.size().unwrap_or([width, height]);
@@ -231,10 +240,12 @@ impl Open {
         });
     }
 
-    /// True while the quick result of an edit is being made.
+    /// True while the quick result of an edit is being made, for at most [`DRAFT_ALONE`].
     pub fn is_drafting(&self, edit: &Edit) -> bool {
         let drafted = self.drafted.as_ref();
-        drafted.is_some_and(|(drafted, ..)| drafted == edit) && self.assistant.is_asked(DRAFT)
+        drafted.is_some_and(|(drafted, ..)| drafted == edit)
+            && self.drafted_at.elapsed() < DRAFT_ALONE
+            && self.assistant.is_asked(DRAFT)
     }
 
     /// The quick result that stands for the result of an edit, which is not there yet.

@@ -3,7 +3,7 @@
 use super::Studio;
 use crate::document::{Document, Edit};
 use crate::engine::Snapshot;
-use crate::open::{Draft, Open, input_of, label_of, mesh_of};
+use crate::open::{DRAFT_ALONE, Draft, Open, input_of, label_of, mesh_of};
 use crate::shown::Shown;
 use crate::tools::{Gesture, Hand, MeshHand, Row, Tool};
 use crate::view::canvas::{Comparison, Layers};
@@ -43,6 +43,9 @@ impl Studio {
             return;
         };
         let mut scene = scene(open, &mut self.tools);
+        if (scene.edit.as_ref()).is_some_and(|edit| open.is_drafting(edit)) {
+            ui.ctx().request_repaint_after(DRAFT_ALONE);
+        }
         let gesture = if open.mesh_canvas.is_some() {
             mesh_canvas_ui(ui, open, &mut scene)
         } else {
