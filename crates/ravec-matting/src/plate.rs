@@ -10,7 +10,8 @@
 //! 4. *Foreground field* (`field`): mean and covariance of the foreground's colors from what is certain nearby.
 //! 5. *Likelihood* (`posterior`) of nine values of alpha under noise and covariance.
 //! 6. *Pooling*: certain neighbors give ambiguous pixels a prior.
-//! 7. Alpha between median and mean of the posterior. Steps 4 to 7 are done once more with it.
+//! 7. Alpha between median and mean of the posterior. Steps 4 to 7 are done once more with it, and specks are cleared
+//!    (`speckles`).
 //! 8. *Shadows* (`shadow`), if they are to be told from the rest.
 //!
 //! Source: Chuang et al., *A Bayesian approach to digital matting*, 2001, with a known background instead of its model.
@@ -154,7 +155,8 @@ pub struct PlateMatte {
 /// Alpha is exactly 0 and 1 where strokes say so, and 0 in a frame that differs from its plate only by light and noise. With the
 /// foreground over the plate the frame comes back, but for shadows that are softened or dropped.
 /// The same input gives the same bytes on any number of threads. Foreground that has the colors of the plate and no texture of
-/// its own, over a plate without texture, cannot be seen: strokes help.
+/// its own, over a plate without texture, cannot be seen: strokes help. So do they for foreground less than five pixels across
+/// that is far from any other, which counts as noise.
 ///
 /// # Errors
 /// [`MattingError::SizesDiffer`], [`MattingError::Parameter`], [`MattingError::Cancelled`].

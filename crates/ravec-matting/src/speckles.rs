@@ -4,9 +4,9 @@
 
 use ravec_raster::{Plane, distance_to, gaussian_blur};
 
-/// Blur of alpha, and its value there from which foreground is solid.
-const SOLID_SIGMA_PX: f64 = 1.5;
-const SOLID: f32 = 0.25;
+/// Blur of alpha, and its value there from which foreground is solid: a disc of five pixels across.
+const SOLID_SIGMA_PX: f64 = 2.5;
+const SOLID: f32 = 0.35;
 /// Distance to connected foreground below which loose parts belong to it: hair that the noise interrupts.
 const NEAR_PX: f64 = 6.0;
 
@@ -98,5 +98,19 @@ mod tests {
         assert_eq!(marked, loose);
         clear_specks(&mut loose, |_, _| false);
         assert!(loose.pixels().iter().all(|alpha| *alpha == 0.0));
+    }
+
+    #[test]
+    fn discs_from_five_pixels_across_are_solid() {
+        let size = Size::new(60, 40).unwrap();
+        let disc = |radius: f64| {
+            let mut alpha = Plane::from_fn(size, |col, row| {
+                let off = [col as f64 - 30.0, row as f64 - 20.0];
+                f32::from(u8::from(off[0].hypot(off[1]) <= radius))
+            });
+            clear_specks(&mut alpha, |_, _| false);
+            alpha.pixels().iter().any(|alpha| *alpha > 0.0)
+        };
+        assert!(disc(2.7) && !disc(1.5));
     }
 }
