@@ -1,6 +1,7 @@
 //! A field of foreground colors: for each place a mean and a covariance, from what is certain nearby.
 
-use crate::half::{halve, spread};
+use crate::half::{halved_of, spread};
+use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_raster::Plane;
 
 /// Weight of the coarser level of the spread.
@@ -19,39 +20,52 @@ pub(crate) const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1),
 
 /// Collects `colors` with `weight` over windows of `sigma_px` at half the size.
 pub(crate) fn color_field(colors: &[Plane; 3], weight: &Plane, sigma_px: f64) -> ColorField {
-    let size = weight.size();
-    let weighted = |f: &dyn Fn(usize) -> f32| {
-        let mut plane = Plane::new(size, 0.0);
-        for (at, (out, weight)) in plane
-            .pixels_mut()
-            .iter_mut()
-            .zip(weight.pixels())
-            .enumerate()
-        {
-            // most places have no weight
-            if *weight > 0.0 {
-                *out = weight * f(at);
+    let sums = halved_of(weight.size(), |row, lines| {
+        let weight = weight.row(row);
+        // most rows of a large picture have no weight
+        if weight.iter().all(|weight| *weight == 0.0) {
+            for line in lines {
+                line.fill(0.0);
             }
+            return;
         }
-        halve(&plane)
-    };
-    let value = |channel: usize, at: usize| colors[channel].pixels()[at];
-    let first = [0, 1, 2].map(|channel| weighted(&|at| value(channel, at)));
-    let second = ENTRIES.map(|(a, b)| weighted(&|at| value(a, at) * value(b, at)));
-    let [a, b, c] = first;
-    let [d, e, f, g, h, i] = second;
-    let [m0, m1, m2, xx, yy, zz, xy, xz, yz] =
-        spread(&halve(weight), [a, b, c, d, e, f, g, h, i], sigma_px, PULL);
+        let colors = colors.each_ref().map(|plane| plane.row(row));
+        dispatch!(Vectors::new(), simd => weighted(simd, weight, colors, lines));
+    });
+    let [weight, sums @ ..] = sums;
+    let [m0, m1, m2, xx, yy, zz, xy, xz, yz] = spread(&weight, sums, sigma_px, PULL);
     let mean = [m0, m1, m2];
     let mut covariance = [xx, yy, zz, xy, xz, yz];
     for (plane, (a, b)) in covariance.iter_mut().zip(ENTRIES) {
-        for (at, value) in plane.pixels_mut().iter_mut().enumerate() {
-            *value -= mean[a].pixels()[at] * mean[b].pixels()[at];
-            if a == b {
-                // colors are in units of the noise, which is in the samples too
-                *value = (*value - 1.0).max(0.0);
-            }
+        let means = mean[a].pixels().iter().zip(mean[b].pixels());
+        // colors are in units of the noise, which is in the samples too
+        let (noise, least) = if a == b {
+            (1.0, 0.0)
+        } else {
+            (0.0, f32::NEG_INFINITY)
+        };
+        for (value, (a, b)) in plane.pixels_mut().iter_mut().zip(means) {
+            *value = (*value - a * b - noise).max(least);
         }
     }
     ColorField { mean, covariance }
+}
+
+/// A row of the weight and of the products of the weight with the channels and with the entries.
+#[inline(always)]
+fn weighted<S: Simd>(_simd: S, weight: &[f32], colors: [&[f32]; 3], lines: &mut [Vec<f32>; 10]) {
+    let [out, first @ ..] = lines;
+    out.copy_from_slice(weight);
+    let (first, second) = first.split_at_mut(3);
+    for (out, color) in first.iter_mut().zip(colors) {
+        for ((out, weight), color) in out.iter_mut().zip(weight).zip(color) {
+            *out = weight * color;
+        }
+    }
+    for (out, (a, b)) in second.iter_mut().zip(ENTRIES) {
+        let products = first[a].iter().zip(colors[b]);
+        for (out, (weighted, color)) in out.iter_mut().zip(products) {
+            *out = weighted * color;
+        }
+    }
 }

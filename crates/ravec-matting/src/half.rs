@@ -2,12 +2,66 @@
 //! data.
 
 use fearless_simd::{Level as Vectors, Simd, dispatch};
-use ravec_raster::{Plane, Reduction, Size, gaussian_blur, halved};
+use ravec_raster::{Plane, Size, gaussian_blur};
 use rayon::prelude::*;
 
-/// A plane at half the size, each value the average of four.
-pub(crate) fn halve(plane: &Plane) -> Plane {
-    halved(plane, Reduction::Area)
+/// Planes at half the size, each value the average of four. `fill(row, lines)` writes a row of each at full size, so that nothing
+/// at full size needs to be stored.
+pub(crate) fn halved_of<const N: usize>(
+    size: Size,
+    fill: impl Fn(usize, &mut [Vec<f32>; N]) + Sync,
+) -> [Plane; N] {
+    let (width, last) = (size.width(), size.height() - 1);
+    let half = size.cells(2);
+    let mut planes = [(); N].map(|()| Plane::new(half, 0.0));
+    let lines = || [(); N].map(|()| vec![0.0f32; width]);
+    rows_of(&mut planes)
+        .into_par_iter()
+        .enumerate()
+        .for_each_init(
+            || (lines(), lines()),
+            |(upper, lower), (row, outputs)| {
+                fill(2 * row, upper);
+                // an odd last row or column stands twice, which leaves its mean as it is
+                fill((2 * row + 1).min(last), lower);
+                for ((out, upper), lower) in outputs.into_iter().zip(upper).zip(lower) {
+                    dispatch!(Vectors::new(), simd => average_of_four(simd, upper, lower, out));
+                }
+            },
+        );
+    planes
+}
+
+#[inline(always)]
+fn average_of_four<S: Simd>(_simd: S, upper: &mut [f32], lower: &[f32], out: &mut [f32]) {
+    for (upper, lower) in upper.iter_mut().zip(lower) {
+        *upper += lower;
+    }
+    let (pairs, rest) = upper.as_chunks::<2>();
+    for (out, [left, right]) in out.iter_mut().zip(pairs) {
+        *out = 0.25 * (left + right);
+    }
+    if let ([last], Some(out)) = (rest, out.last_mut()) {
+        *out = 0.5 * last;
+    }
+}
+
+/// The rows of planes of the same size: for each row, one slice of each plane.
+pub(crate) fn rows_of<const N: usize>(planes: &mut [Plane; N]) -> Vec<[&mut [f32]; N]> {
+    let [height, width] = match planes.first() {
+        Some(plane) => [plane.height(), plane.width()],
+        None => [0, 1],
+    };
+    let mut rest = planes.each_mut().map(Plane::pixels_mut);
+    (0..height)
+        .map(|_| {
+            rest.each_mut().map(|rest| {
+                let (row, after) = std::mem::take(rest).split_at_mut(width);
+                *rest = after;
+                row
+            })
+        })
+        .collect()
 }
 
 /// Value at full size of a row of a plane at half the size, linear between its pixels. `out` has one value for each column of the
@@ -113,30 +167,58 @@ fn pull_up<const N: usize>(weight: &Plane, mut sums: [Plane; N], pull: f32) -> [
         }
         return sums;
     }
-    let coarse_weight = halve(weight);
-    let coarse = sums.each_ref().map(halve);
+    let [coarse_weight] = halved_of(size, |row, [line]| line.copy_from_slice(weight.row(row)));
+    let coarse = halved_of(size, |row, lines: &mut [Vec<f32>; N]| {
+        for (line, plane) in lines.iter_mut().zip(&sums) {
+            line.copy_from_slice(plane.row(row));
+        }
+    });
     let coarse = pull_up(&coarse_weight, coarse, pull);
-    for (plane, coarse) in sums.iter_mut().zip(&coarse) {
-        plane
-            .par_rows_mut()
-            .zip(weight.par_rows())
-            .enumerate()
-            .for_each_init(
-                || (Vec::new(), vec![0.0; size.width()]),
-                |(scratch, below), (row, (out, weight))| {
+    rows_of(&mut sums)
+        .into_par_iter()
+        .enumerate()
+        .for_each_init(
+            || (Vec::new(), vec![0.0; size.width()]),
+            |(scratch, below), (row, sums)| {
+                let weight = weight.row(row);
+                for (sums, coarse) in sums.into_iter().zip(&coarse) {
                     doubled_row(coarse, row, scratch, below);
-                    for ((out, weight), below) in out.iter_mut().zip(weight).zip(&*below) {
-                        *out = (*out + pull * below) / (weight + pull);
-                    }
-                },
-            );
-    }
+                    dispatch!(Vectors::new(), simd => averaged(simd, sums, weight, below, pull));
+                }
+            },
+        );
     sums
+}
+
+/// Averages of a row of sums, with `pull` of those below it.
+#[inline(always)]
+fn averaged<S: Simd>(_simd: S, sums: &mut [f32], weight: &[f32], below: &[f32], pull: f32) {
+    for ((out, weight), below) in sums.iter_mut().zip(weight).zip(below) {
+        *out = (*out + pull * below) / (weight + pull);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ravec_raster::{Reduction, halved};
+
+    fn halve(plane: &Plane) -> Plane {
+        let [half] = halved_of(plane.size(), |row, [line]| {
+            line.copy_from_slice(plane.row(row));
+        });
+        half
+    }
+
+    #[test]
+    fn halves_are_averages_of_four() {
+        for (width, height) in [(1, 1), (1, 4), (7, 5), (20, 9), (33, 2)] {
+            let size = Size::new(width, height).unwrap();
+            let plane = Plane::from_fn(size, |col, row| ((7 * col + 3 * row) % 11) as f32);
+            let half = halve(&plane);
+            assert_eq!(half, halved(&plane, Reduction::Area), "{width} × {height}");
+        }
+    }
 
     #[test]
     fn a_constant_stays_and_fills_everything() {

@@ -43,18 +43,18 @@
 //! - Shadows are foreground.
 //! - A shift of the plate above about a pixel is not found: align the plate first.
 //!
-//! # Current status
-//!
-//! Mattes before a plate, and mattes by a trimap or strokes. Strokes that are carried through a shot and shadows are to come.
-
 mod approximate;
+mod detect;
 mod field;
 mod half;
 mod laplacian;
+mod levels;
 mod light;
 mod matte;
+mod mixture;
 mod plate;
 mod posterior;
+mod region;
 mod shadow;
 mod speckles;
 mod still;

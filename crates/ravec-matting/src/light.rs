@@ -6,12 +6,13 @@
 //! more blur than that, the plate is blurred by it and the fit done again, until nothing is missing: frames of a camera in motion.
 
 use crate::matte::Colors;
+use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_numeric::solve_positive;
-use ravec_raster::{BlurCovariance, Image, Plane, elliptic_gaussian_blur};
+use ravec_raster::{BlurCovariance, Image, Plane, Rect, elliptic_gaussian_blur};
 use rayon::prelude::*;
 
 /// Samples that the fit reads at most.
-const MAX_SAMPLES: usize = 9000;
+const MAX_SAMPLES: usize = 6000;
 /// Rounds of reweighting.
 const ROUNDS: usize = 6;
 /// Limit of Tukey's biweight in standard deviations.
@@ -92,6 +93,33 @@ impl Sample {
 
 fn dot(a: &[f32; 5], b: &[f32; 5]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Unknowns of a channel: gain, offset and the derivatives.
+const CHANNEL_UNKNOWNS: usize = 7;
+
+/// Normal equations of a channel.
+#[derive(Clone, Copy, Default)]
+struct ChannelSums {
+    /// The upper triangle.
+    matrix: [[f64; CHANNEL_UNKNOWNS]; CHANNEL_UNKNOWNS],
+    right: [f64; CHANNEL_UNKNOWNS],
+}
+
+impl ChannelSums {
+    /// Adds an equation of the first `N` unknowns.
+    #[inline(always)]
+    fn add<const N: usize>(&mut self, row: &[f32; CHANNEL_UNKNOWNS], value: f32, weight: f32) {
+        let row = row.map(f64::from);
+        let equations = self.matrix.iter_mut().zip(&mut self.right);
+        for (a, (line, right)) in equations.enumerate().take(N) {
+            let weighted = f64::from(weight) * row[a];
+            *right += weighted * f64::from(value);
+            for (sum, value) in line.iter_mut().zip(&row).take(N).skip(a) {
+                *sum += weighted * value;
+            }
+        }
+    }
 }
 
 /// The value in the middle of `values`, 0 if there are none. Changes their order.
@@ -239,30 +267,37 @@ impl PlateLight {
         scale: [f32; 3],
         with_derivatives: bool,
     ) -> Option<Self> {
-        let mut matrix = [[0.0f64; UNKNOWNS]; UNKNOWNS];
-        let mut right = [0.0f64; UNKNOWNS];
-        let active = if with_derivatives { 7 } else { 2 };
+        let mut channels = [ChannelSums::default(); 3];
+        let squared = scale.map(|scale| 1.0 / (scale * scale));
         for sample in samples {
+            let residual = [0, 1, 2].map(|channel| sample.residual(self, channel));
             let distance: f32 = (0..3)
-                .map(|channel| (sample.residual(self, channel) / scale[channel]).powi(2))
+                .map(|channel| residual[channel] * residual[channel] * squared[channel])
                 .sum();
             // three channels: the biweight of the largest sphere that one channel would have
             let share = 1.0 - distance / (3.0 * TUKEY * TUKEY);
             if share <= 0.0 {
                 continue;
             }
-            let weight = share * share;
-            for (channel, scale) in scale.iter().enumerate() {
+            for (channel, sums) in channels.iter_mut().enumerate() {
                 let d = &sample.derivatives[channel];
                 let row = [sample.plate[channel], 1.0, d[0], d[1], d[2], d[3], d[4]];
-                let weight = f64::from(weight / (scale * scale));
-                let index = |k: usize| if k < 2 { 2 * channel + k } else { 4 + k };
-                for a in 0..active {
-                    let scaled = weight * f64::from(row[a]);
-                    right[index(a)] += scaled * f64::from(sample.frame[channel]);
-                    for b in 0..active {
-                        matrix[index(a)][index(b)] += scaled * f64::from(row[b]);
-                    }
+                let weight = share * share * squared[channel];
+                if with_derivatives {
+                    sums.add::<7>(&row, sample.frame[channel], weight);
+                } else {
+                    sums.add::<2>(&row, sample.frame[channel], weight);
+                }
+            }
+        }
+        let mut matrix = [[0.0f64; UNKNOWNS]; UNKNOWNS];
+        let mut right = [0.0f64; UNKNOWNS];
+        for (channel, sums) in channels.iter().enumerate() {
+            let index = |k: usize| if k < 2 { 2 * channel + k } else { 4 + k };
+            for a in 0..CHANNEL_UNKNOWNS {
+                right[index(a)] += sums.right[a];
+                for b in 0..CHANNEL_UNKNOWNS {
+                    matrix[index(a)][index(b)] += sums.matrix[a.min(b)][a.max(b)];
                 }
             }
         }
@@ -358,33 +393,144 @@ impl PlateLight {
             blurred = elliptic_gaussian_blur(plate, self.blur);
             &blurred
         };
-        let mut lit = plate.clone();
+        let width = plate.width();
+        let lit_row = LitRow {
+            gain: (0..3 * width).map(|at| self.gain[at % 3]).collect(),
+            offset: (0..3 * width).map(|at| self.offset[at % 3]).collect(),
+            derivatives: self.derivatives,
+            edge_variance: self.edge_variance,
+        };
+        let mut lit = Image::new(plate.size(), [0.0; 3]);
         let mut variance = Plane::new(plate.size(), 1.0);
         lit.par_rows_mut()
             .zip(variance.par_rows_mut())
             .enumerate()
-            .for_each(|(row, (lit, variance))| self.relight_row(plate, row, lit, variance));
+            .for_each_init(
+                || [(); 4].map(|()| Vec::new()),
+                |[above, here, below, gradient], (row, (lit, variance))| {
+                    let last = plate.height() - 1;
+                    pad(plate.row(row.saturating_sub(1)), above);
+                    pad(plate.row(row), here);
+                    pad(plate.row((row + 1).min(last)), below);
+                    gradient.resize(3 * width, 0.0);
+                    let lines = [&**above, here, below];
+                    let lit = lit.as_flattened_mut();
+                    dispatch!(Vectors::new(), simd => {
+                        lit_row.relight(simd, lines, lit, gradient);
+                        lit_row.variance(simd, gradient, variance);
+                    });
+                },
+            );
         (lit, variance)
     }
 
-    fn relight_row(&self, plate: &Colors, row: usize, lit: &mut [[f32; 3]], variance: &mut [f32]) {
-        for (col, (lit, variance)) in lit.iter_mut().zip(variance).enumerate() {
-            let mut gradient = 0.0;
-            for (channel, lit) in lit.iter_mut().enumerate() {
-                let d = derivatives(plate, col, row, channel);
-                gradient += d[0] * d[0] + d[1] * d[1];
-                *lit =
-                    self.gain[channel] * *lit + self.offset[channel] + dot(&d, &self.derivatives);
-            }
-            *variance = 1.0 + self.edge_variance * gradient;
+    /// Colors of a rectangle in units of the noise; 0 where they are not finite.
+    ///
+    /// # Panics
+    /// If the rectangle is empty or leaves the picture.
+    pub(crate) fn whitened(&self, colors: &Colors, rect: Rect) -> [Plane; 3] {
+        let size = rect.size().expect("a rectangle of a picture");
+        [0, 1, 2].map(|channel| {
+            let scale = 1.0 / self.sigma[channel];
+            let mut plane = Plane::new(size, 0.0);
+            plane.for_each_row(|row, out| {
+                let colors = &colors.row(rect.row + row)[rect.col..rect.right()];
+                for (out, color) in out.iter_mut().zip(colors) {
+                    let value = color[channel];
+                    *out = if value.is_finite() {
+                        value * scale
+                    } else {
+                        0.0
+                    };
+                }
+            });
+            plane
+        })
+    }
+}
+
+/// The numbers of a row with its first and last pixel once more.
+fn pad(row: &[[f32; 3]], padded: &mut Vec<f32>) {
+    padded.clear();
+    padded.extend(row.first().into_iter().flatten());
+    padded.extend(row.as_flattened());
+    padded.extend(row.last().into_iter().flatten());
+}
+
+/// A light with a factor and an offset for each number of a row.
+struct LitRow {
+    gain: Vec<f32>,
+    offset: Vec<f32>,
+    derivatives: [f32; 5],
+    edge_variance: f32,
+}
+
+impl LitRow {
+    /// The middle one of three padded rows in this light, and the squared gradient of each number.
+    #[inline(always)]
+    fn relight<S: Simd>(&self, _simd: S, rows: [&[f32]; 3], lit: &mut [f32], gradient: &mut [f32]) {
+        let count = lit.len();
+        let [above, here, below] =
+            rows.map(|row| [&row[..count], &row[3..][..count], &row[6..][..count]]);
+        let (gain, offset) = (&self.gain[..count], &self.offset[..count]);
+        let gradient = &mut gradient[..count];
+        let [fx, fy, fxx, fxy, fyy] = self.derivatives;
+        for at in 0..count {
+            let x = 0.5 * (here[2][at] - here[0][at]);
+            let y = 0.5 * (below[1][at] - above[1][at]);
+            let xx = here[2][at] - 2.0 * here[1][at] + here[0][at];
+            let xy = 0.25 * (below[2][at] - below[0][at] - above[2][at] + above[0][at]);
+            let yy = below[1][at] - 2.0 * here[1][at] + above[1][at];
+            gradient[at] = x * x + y * y;
+            lit[at] = gain[at] * here[1][at]
+                + offset[at]
+                + (x * fx + y * fy + xx * fxx + xy * fxy + yy * fyy);
         }
     }
 
-    /// Colors in units of the noise.
-    pub(crate) fn whitened(&self, colors: &Colors) -> [Plane; 3] {
-        [0, 1, 2].map(|channel| {
-            let scale = 1.0 / self.sigma[channel];
-            Image::map(colors, |color| color[channel] * scale)
-        })
+    /// Variance of the difference of the pixels of a row.
+    #[inline(always)]
+    fn variance<S: Simd>(&self, _simd: S, gradient: &[f32], variance: &mut [f32]) {
+        for (variance, [r, g, b]) in variance.iter_mut().zip(gradient.as_chunks::<3>().0) {
+            *variance = 1.0 + self.edge_variance * (r + g + b);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Size;
+
+    #[test]
+    fn rows_in_another_light_are_those_of_single_pixels() {
+        let light = PlateLight {
+            gain: [0.9, 1.1, 1.0],
+            offset: [0.01, -0.02, 0.0],
+            derivatives: [0.3, -0.2, 0.1, 0.05, 0.2],
+            edge_variance: 7.0,
+            ..PlateLight::SAME
+        };
+        for (width, height) in [(1, 1), (2, 5), (9, 4), (37, 3)] {
+            let plate = Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
+                [0, 5, 11].map(|c| ((7 * col * col + 3 * row + c) % 13) as f32 / 13.0)
+            });
+            let (lit, variance) = light.relit(&plate);
+            for row in 0..height {
+                for col in 0..width {
+                    let mut gradient = 0.0;
+                    for c in 0..3 {
+                        let d = derivatives(&plate, col, row, c);
+                        gradient += d[0] * d[0] + d[1] * d[1];
+                        let expected = light.gain[c] * plate[(col, row)][c]
+                            + light.offset[c]
+                            + dot(&d, &light.derivatives);
+                        assert!((lit[(col, row)][c] - expected).abs() < 1e-5);
+                    }
+                    let expected = 1.0 + light.edge_variance * gradient;
+                    assert!((variance[(col, row)] - expected).abs() < 1e-4);
+                }
+            }
+        }
     }
 }

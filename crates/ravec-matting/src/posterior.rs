@@ -1,8 +1,9 @@
 //! Likelihood of values of alpha in each pixel, and what follows from it and a prior.
 
-use crate::approximate::{exp, ln};
+use crate::approximate::exp;
 use crate::field::ColorField;
-use crate::half::doubled_row;
+use crate::half::{doubled_row, rows_of};
+use crate::symmetric::{adjugate, product};
 use crate::texture::TextureCue;
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_raster::{Plane, Size};
@@ -15,6 +16,8 @@ const STEP: f32 = 1.0 / (LEVELS - 1) as f32;
 const MIN_SPREAD: f32 = 0.2;
 /// Share of the median in alpha; the rest is the mean. The median keeps flat places flat, the mean gives details their value.
 const MEDIAN_SHARE: f32 = 0.7;
+/// Largest share that a prior gives to one end.
+const MAX_SHARE: f32 = 0.98;
 
 /// Inputs of the likelihood, in units of the noise.
 pub(crate) struct Evidence<'a> {
@@ -26,224 +29,206 @@ pub(crate) struct Evidence<'a> {
     pub cue: &'a TextureCue,
 }
 
-/// Logarithms of the likelihoods of the levels: each row of the picture has a row for each level.
+/// Likelihoods of the levels, up to a factor of each pixel: each row of the picture has a row for each level.
 pub(crate) struct Likelihood {
-    size: Size,
     values: Vec<f32>,
+    /// Probabilities of the levels 0 and 1, without a prior.
+    pub ends: [Plane; 2],
     /// Squared distance between foreground and background, in units of the noise.
     pub contrast: Plane,
 }
 
-/// Shares of the levels 0 and 1 before a pixel is looked at.
+/// Shares of the levels 0 and 1 before a pixel is looked at, at half the size.
 pub(crate) struct Prior {
     pub background: Plane,
     pub foreground: Plane,
 }
 
 impl Likelihood {
-    pub fn of(evidence: &Evidence<'_>) -> Self {
-        let size = evidence.variance.size();
-        let width = size.width();
-        let mut values = vec![0.0f32; LEVELS * size.pixels()];
-        let mut contrast = Plane::new(size, 0.0);
-        values
+    /// Room for the likelihoods of a picture.
+    pub fn new(size: Size) -> Self {
+        Self {
+            values: vec![0.0; LEVELS * size.pixels()],
+            ends: [(); 2].map(|()| Plane::new(size, 0.0)),
+            contrast: Plane::new(size, 0.0),
+        }
+    }
+
+    /// Computes the likelihoods under the evidence, which has the size of the picture.
+    pub fn update(&mut self, evidence: &Evidence<'_>) {
+        let width = self.contrast.width();
+        let ends_rows = rows_of(&mut self.ends);
+        self.values
             .par_chunks_mut(LEVELS * width)
-            .zip(contrast.par_rows_mut())
+            .zip(ends_rows)
+            .zip(self.contrast.par_rows_mut())
             .enumerate()
             .for_each_init(
-                || Row::new(width),
-                |scratch, (row, (values, contrast))| {
-                    scratch.fill(evidence, row);
+                || (Row::new(width), vec![0.0f32; (LEVELS + 1) * width]),
+                |(evidence_row, scratch), (row, ((values, [background, foreground]), contrast))| {
+                    evidence_row.fill(evidence, row);
                     let variance = evidence.variance.row(row);
-                    dispatch!(Vectors::new(), simd => scratch.likelihood(simd, variance, values, contrast));
+                    dispatch!(Vectors::new(), simd => {
+                        evidence_row.contrast(simd, contrast);
+                        evidence_row.likelihood(simd, variance, values, scratch);
+                        ends(simd, values, background, foreground);
+                    });
                 },
             );
-        Self {
-            size,
-            values,
-            contrast,
-        }
     }
 
     /// Foreground colors, in units of the noise: the most likely ones where the picture shows `alpha` of them.
     pub fn foreground(evidence: &Evidence<'_>, alpha: &Plane) -> [Plane; 3] {
         let size = evidence.variance.size();
         let mut colors = [(); 3].map(|()| Plane::new(size, 0.0));
-        let rows = transposed(&mut colors, size.width());
-        rows.into_par_iter().enumerate().for_each_init(
-            || Row::new(size.width()),
-            |scratch, (row, mut out)| {
-                scratch.fill(evidence, row);
-                let plate = evidence.plate.each_ref().map(|plane| plane.row(row));
-                for (col, alpha) in alpha.row(row).iter().enumerate() {
-                    let shift = scratch.correction(*alpha, evidence.variance[(col, row)], col);
-                    for channel in 0..3 {
-                        out[channel][col] =
-                            plate[channel][col] + scratch.direction[channel][col] + shift[channel];
-                    }
-                }
-            },
-        );
-        colors
-    }
-
-    /// Calls `f` for each row with the probabilities of the levels under the prior and the rows of the output.
-    fn for_rows<const N: usize>(
-        &self,
-        prior: Option<&Prior>,
-        outputs: &mut [Plane; N],
-        f: impl Fn(&[f32], [&mut [f32]; N]) + Sync,
-    ) {
-        let width = self.size.width();
-        let rows: Vec<Vec<&mut [f32]>> = transposed(outputs, width);
-        self.values
-            .par_chunks(LEVELS * width)
-            .zip(rows)
+        rows_of(&mut colors)
+            .into_par_iter()
             .enumerate()
             .for_each_init(
-                || vec![0.0f32; (LEVELS + 2) * width],
-                |scratch, (row, (values, outputs))| {
-                    let (chances, sums) = scratch.split_at_mut(LEVELS * width);
-                    let prior =
-                        prior.map(|prior| (prior.background.row(row), prior.foreground.row(row)));
-                    dispatch!(Vectors::new(), simd => chances_of(simd, values, prior, chances, sums));
-                    let mut rows = outputs.into_iter();
-                    f(
-                        chances,
-                        [(); N].map(|()| rows.next().expect("one row for each output")),
-                    );
+                || Row::new(size.width()),
+                |scratch, (row, colors)| {
+                    scratch.fill(evidence, row);
+                    let variance = evidence.variance.row(row);
+                    let plate = evidence.plate.each_ref().map(|plane| plane.row(row));
+                    let alpha = alpha.row(row);
+                    dispatch!(Vectors::new(), simd => scratch.foreground(simd, alpha, variance, plate, colors));
                 },
             );
-    }
-
-    /// Probabilities of the levels 0 and 1, without a prior.
-    pub fn ends(&self) -> [Plane; 2] {
-        let mut ends = [Plane::new(self.size, 0.0), Plane::new(self.size, 0.0)];
-        self.for_rows(None, &mut ends, |chances, [background, foreground]| {
-            let width = background.len();
-            background.copy_from_slice(&chances[..width]);
-            foreground.copy_from_slice(&chances[(LEVELS - 1) * width..]);
-        });
-        ends
+        colors
     }
 
     /// Alpha under a prior.
     pub fn alpha(&self, prior: &Prior) -> Plane {
-        let mut alpha = [Plane::new(self.size, 0.0)];
-        self.for_rows(Some(prior), &mut alpha, |chances, [alpha]| {
-            dispatch!(Vectors::new(), simd => between_median_and_mean(simd, chances, alpha));
-        });
-        let [alpha] = alpha;
+        let size = self.contrast.size();
+        let width = size.width();
+        let mut alpha = Plane::new(size, 0.0);
         alpha
+            .par_rows_mut()
+            .zip(self.values.par_chunks(LEVELS * width))
+            .enumerate()
+            .for_each_init(
+                || (Vec::new(), [(); 2].map(|()| vec![0.0; width])),
+                |(scratch, [background, foreground]), (row, (alpha, values))| {
+                    doubled_row(&prior.background, row, scratch, background);
+                    doubled_row(&prior.foreground, row, scratch, foreground);
+                    dispatch!(Vectors::new(), simd => {
+                        limit_shares(simd, background, foreground);
+                        between_median_and_mean(simd, values, background, foreground, alpha);
+                    });
+                },
+            );
+        alpha
+    }
+}
+
+/// Limits the share of either end and that of both.
+#[inline(always)]
+fn limit_shares<S: Simd>(_simd: S, background: &mut [f32], foreground: &mut [f32]) {
+    let limit = |share: f32| 0.5 * (1.0 - MAX_SHARE) + MAX_SHARE * share.clamp(0.0, 1.0);
+    for (background, foreground) in background.iter_mut().zip(foreground) {
+        let shares = [limit(*background), limit(*foreground)];
+        let scale = MAX_SHARE / (shares[0] + shares[1]).max(MAX_SHARE);
+        [*background, *foreground] = shares.map(|share| share * scale);
     }
 }
 
 /// Columns whose sums stay in registers.
 const LANES: usize = 16;
 
-/// Alpha of a row from the probabilities of its levels.
+/// The values of a row from `start`, with zeros beyond its end.
 #[inline(always)]
-fn between_median_and_mean<S: Simd>(_simd: S, chances: &[f32], alpha: &mut [f32]) {
-    let width = alpha.len();
-    for (block, alpha) in alpha.chunks_mut(LANES).enumerate() {
-        let mut sum = [0.0f32; LANES];
-        let mut mean = [0.0f32; LANES];
-        let mut median = [f32::NAN; LANES];
-        for level in 0..LEVELS {
-            let chances = &chances[level * width + block * LANES..][..alpha.len()];
-            // the ends are values of their own, those between stand for a range
-            let range = if level == 0 || level == LEVELS - 1 {
-                0.0
-            } else {
-                1.0
-            };
-            for (lane, chance) in chances.iter().enumerate() {
-                let before = sum[lane];
-                mean[lane] += chance * level as f32;
-                sum[lane] += chance;
-                let within = (0.5 - before) / chance.max(1e-12) - 0.5;
-                let is_here = before < 0.5 && sum[lane] >= 0.5;
-                let here = level as f32 + range * within;
-                median[lane] = if is_here { here } else { median[lane] };
-            }
-        }
-        for (lane, alpha) in alpha.iter_mut().enumerate() {
-            let mean = mean[lane] * STEP;
-            let median = median[lane] * STEP;
-            let median = if median.is_nan() { mean } else { median };
-            *alpha = (MEDIAN_SHARE * median + (1.0 - MEDIAN_SHARE) * mean).clamp(0.0, 1.0);
-        }
+fn lanes(row: &[f32], start: usize) -> [f32; LANES] {
+    let row = &row[start..];
+    if let Some(lanes) = row.first_chunk() {
+        return *lanes;
     }
+    let mut lanes = [0.0; LANES];
+    lanes[..row.len()].copy_from_slice(row);
+    lanes
 }
 
-/// The rows of several planes of the same size, one list for each row.
-fn transposed<const N: usize>(planes: &mut [Plane; N], width: usize) -> Vec<Vec<&mut [f32]>> {
-    let mut rows: Vec<Vec<&mut [f32]>> = Vec::new();
-    for plane in planes {
-        for (row, cells) in plane.pixels_mut().chunks_mut(width).enumerate() {
-            match rows.get_mut(row) {
-                Some(cell) => cell.push(cells),
-                None => rows.push(vec![cells]),
-            }
-        }
-    }
-    rows
-}
-
-/// Probabilities from logarithms of likelihoods and the shares of the ends. `sums` has room for two rows.
+/// Alpha of a row from the likelihoods of its levels and the shares of its ends.
 #[inline(always)]
-fn chances_of<S: Simd>(
+fn between_median_and_mean<S: Simd>(
     _simd: S,
     values: &[f32],
-    prior: Option<(&[f32], &[f32])>,
-    chances: &mut [f32],
-    sums: &mut [f32],
+    background: &[f32],
+    foreground: &[f32],
+    alpha: &mut [f32],
 ) {
-    let width = values.len() / LEVELS;
-    let (largest, total) = sums.split_at_mut(width);
-    let total = &mut total[..width];
-    largest.copy_from_slice(&values[..width]);
-    for level in 1..LEVELS {
-        for (largest, value) in largest.iter_mut().zip(&values[level * width..]) {
-            *largest = largest.max(*value);
+    let width = alpha.len();
+    for (block, alpha) in alpha.chunks_mut(LANES).enumerate() {
+        let start = block * LANES;
+        let (background, foreground) = (lanes(background, start), lanes(foreground, start));
+        let mut between = [0.0f32; LANES];
+        for lane in 0..LANES {
+            let left = (1.0 - background[lane] - foreground[lane]).max(1e-6);
+            between[lane] = left / (LEVELS - 2) as f32;
         }
-    }
-    total.fill(0.0);
-    for level in 0..LEVELS {
-        let out = &mut chances[level * width..][..width];
-        let values = &values[level * width..][..width];
-        for ((out, value), largest) in out.iter_mut().zip(values).zip(&*largest) {
-            *out = exp(value - largest);
+        let mut chances = [[0.0f32; LANES]; LEVELS];
+        let mut total = [0.0f32; LANES];
+        for (level, chances) in chances.iter_mut().enumerate() {
+            let values = lanes(&values[level * width..][..width], start);
+            let shares = match level {
+                0 => &background,
+                _ if level == LEVELS - 1 => &foreground,
+                _ => &between,
+            };
+            for lane in 0..LANES {
+                chances[lane] = values[lane] * shares[lane];
+                total[lane] += chances[lane];
+            }
         }
-        if let Some((background, foreground)) = prior {
-            match level {
-                0 => multiply(out, background),
-                _ if level == LEVELS - 1 => multiply(out, foreground),
-                _ => {
-                    for ((out, background), foreground) in
-                        out.iter_mut().zip(background).zip(foreground)
-                    {
-                        let left = (1.0 - background - foreground).max(1e-6);
-                        *out *= left / (LEVELS - 2) as f32;
-                    }
+        let mut sum = [0.0f32; LANES];
+        let mut mean = [0.0f32; LANES];
+        // the level in which half of the total is reached, the sum before it and its part
+        let mut median = [[0.0f32; LANES]; 3];
+        for (level, chances) in chances.iter().enumerate() {
+            for lane in 0..LANES {
+                let (before, chance) = (sum[lane], chances[lane]);
+                mean[lane] += chance * level as f32;
+                sum[lane] += chance;
+                let half = 0.5 * total[lane];
+                let is_here = before < half && sum[lane] >= half;
+                let here = [level as f32, before, chance];
+                for (median, here) in median.iter_mut().zip(here) {
+                    median[lane] = if is_here { here } else { median[lane] };
                 }
             }
         }
-        for (total, out) in total.iter_mut().zip(&*out) {
-            *total += out;
+        let mut found = [0.0f32; LANES];
+        for lane in 0..LANES {
+            let total = total[lane].max(1e-30);
+            let [level, before, chance] = [median[0][lane], median[1][lane], median[2][lane]];
+            // the ends are values of their own, those between stand for a range
+            let within = (0.5 * total - before) / chance.max(1e-12 * total) - 0.5;
+            let is_end = level == 0.0 || level == (LEVELS - 1) as f32;
+            let median = level + if is_end { 0.0 } else { within };
+            let mean = mean[lane] / total;
+            let mixed = MEDIAN_SHARE * median + (1.0 - MEDIAN_SHARE) * mean;
+            found[lane] = (STEP * mixed).clamp(0.0, 1.0);
         }
-    }
-    for level in 0..LEVELS {
-        for (out, total) in chances[level * width..][..width].iter_mut().zip(&*total) {
-            *out /= total.max(1e-30);
-        }
+        alpha.copy_from_slice(&found[..alpha.len()]);
     }
 }
 
+/// Probabilities of the first and the last level of a row.
 #[inline(always)]
-fn multiply(values: &mut [f32], factors: &[f32]) {
-    for (value, factor) in values.iter_mut().zip(factors) {
-        *value *= factor;
+fn ends<S: Simd>(_simd: S, values: &[f32], background: &mut [f32], foreground: &mut [f32]) {
+    let width = background.len();
+    // the sum of all levels
+    foreground.fill(0.0);
+    for values in values.chunks_exact(width) {
+        for (sum, value) in foreground.iter_mut().zip(values) {
+            *sum += value;
+        }
+    }
+    let (first, last) = (&values[..width], &values[(LEVELS - 1) * width..]);
+    let outputs = background.iter_mut().zip(foreground);
+    for ((background, foreground), (first, last)) in outputs.zip(first.iter().zip(last)) {
+        let scale = 1.0 / foreground.max(1e-30);
+        *background = first * scale;
+        *foreground = last * scale;
     }
 }
 
@@ -274,9 +259,6 @@ impl Row {
                 evidence.frame[channel].row(row),
                 evidence.plate[channel].row(row),
             );
-            for ((out, frame), plate) in self.difference[channel].iter_mut().zip(frame).zip(plate) {
-                *out = frame - plate;
-            }
             let direction = &mut self.direction[channel];
             doubled_row(
                 &evidence.field.mean[channel],
@@ -284,9 +266,10 @@ impl Row {
                 &mut self.scratch,
                 direction,
             );
-            for (out, plate) in direction.iter_mut().zip(plate) {
-                *out -= plate;
-            }
+            dispatch!(Vectors::new(), simd => {
+                subtract(simd, frame, plate, &mut self.difference[channel]);
+                subtract_from(simd, direction, plate);
+            });
         }
         for (out, plane) in self.covariance.iter_mut().zip(&evidence.field.covariance) {
             doubled_row(plane, row, &mut self.scratch, out);
@@ -305,87 +288,129 @@ impl Row {
         );
     }
 
-    /// Update of the mean foreground color by the pixel (a Kalman gain): α·Σ·(noise + α²·Σ)⁻¹ times the residual.
-    fn correction(&self, alpha: f32, variance: f32, col: usize) -> [f32; 3] {
-        let [xx, yy, zz, xy, xz, yz] = self.covariance.each_ref().map(|line| line[col]);
-        let sigma = [
-            [xx + MIN_SPREAD, xy, xz],
-            [xy, yy + MIN_SPREAD, yz],
-            [xz, yz, zz + MIN_SPREAD],
-        ];
-        let residual = [0, 1, 2].map(|c| self.difference[c][col] - alpha * self.direction[c][col]);
-        let mut total = [[0.0; 3]; 3];
-        for (a, line) in total.iter_mut().enumerate() {
-            for (b, value) in line.iter_mut().enumerate() {
-                *value = alpha * alpha * sigma[a][b] + if a == b { variance } else { 0.0 };
-            }
-        }
-        let cofactor = |a: usize, b: usize| {
-            let (p, q, r, s) = ((a + 1) % 3, (a + 2) % 3, (b + 1) % 3, (b + 2) % 3);
-            total[p][r] * total[q][s] - total[p][s] * total[q][r]
-        };
-        let determinant: f32 = (0..3)
-            .map(|k| total[0][k] * cofactor(0, k))
-            .sum::<f32>()
-            .max(1e-6);
-        let solved = [0, 1, 2]
-            .map(|a| (0..3).map(|b| cofactor(a, b) * residual[b]).sum::<f32>() / determinant);
-        [0, 1, 2].map(|a| alpha * (0..3).map(|b| sigma[a][b] * solved[b]).sum::<f32>())
+    /// Covariance of the difference of a pixel that shows `alpha` of the foreground.
+    #[inline(always)]
+    fn total(alpha: f32, variance: f32, sigma: [f32; 6]) -> [f32; 6] {
+        let squared = alpha * alpha;
+        let noise = variance + squared * MIN_SPREAD;
+        let [xx, yy, zz, xy, xz, yz] = sigma;
+        [
+            noise + squared * xx,
+            noise + squared * yy,
+            noise + squared * zz,
+            squared * xy,
+            squared * xz,
+            squared * yz,
+        ]
     }
 
-    /// Gaussian likelihood of the difference under the noise and the spread of the foreground, times that of the cue.
+    /// The mean foreground color with its update by the pixel (a Kalman gain): α·Σ·(noise + α²·Σ)⁻¹ times the residual.
+    #[inline(always)]
+    fn foreground<S: Simd>(
+        &self,
+        _simd: S,
+        alpha: &[f32],
+        variance: &[f32],
+        plate: [&[f32]; 3],
+        colors: [&mut [f32]; 3],
+    ) {
+        let width = alpha.len();
+        let variance = &variance[..width];
+        let difference = self.difference.each_ref().map(|line| &line[..width]);
+        let direction = self.direction.each_ref().map(|line| &line[..width]);
+        let [xx, yy, zz, xy, xz, yz] = self.covariance.each_ref().map(|line| &line[..width]);
+        let [p0, p1, p2] = plate.map(|line| &line[..width]);
+        let [c0, c1, c2] = colors.map(|line| &mut line[..width]);
+        for (col, &alpha) in alpha.iter().enumerate() {
+            let sigma = [xx[col], yy[col], zz[col], xy[col], xz[col], yz[col]];
+            let (cofactors, determinant) = adjugate(Self::total(alpha, variance[col], sigma));
+            let direction = [direction[0][col], direction[1][col], direction[2][col]];
+            let residual = [
+                difference[0][col] - alpha * direction[0],
+                difference[1][col] - alpha * direction[1],
+                difference[2][col] - alpha * direction[2],
+            ];
+            let scale = alpha / determinant.max(1e-6);
+            let solved = product(&cofactors, residual);
+            let [mut s0, mut s1, mut s2] = product(&sigma, solved);
+            s0 += MIN_SPREAD * solved[0];
+            s1 += MIN_SPREAD * solved[1];
+            s2 += MIN_SPREAD * solved[2];
+            c0[col] = p0[col] + direction[0] + scale * s0;
+            c1[col] = p1[col] + direction[1] + scale * s1;
+            c2[col] = p2[col] + direction[2] + scale * s2;
+        }
+    }
+
+    /// Squared distance of the foreground from the background.
+    #[inline(always)]
+    fn contrast<S: Simd>(&self, _simd: S, contrast: &mut [f32]) {
+        let width = contrast.len();
+        let [e0, e1, e2] = self.direction.each_ref().map(|line| &line[..width]);
+        for (col, contrast) in contrast.iter_mut().enumerate() {
+            *contrast = e0[col] * e0[col] + e1[col] * e1[col] + e2[col] * e2[col];
+        }
+    }
+
+    /// Gaussian likelihood of the difference under the noise and the spread of the foreground, times that of the cue, up to a
+    /// factor that all levels of a pixel share. `scratch` has room for a row more than `values`.
     #[inline(always)]
     fn likelihood<S: Simd>(
         &self,
         _simd: S,
         variance: &[f32],
         values: &mut [f32],
-        contrast: &mut [f32],
+        scratch: &mut [f32],
     ) {
         let width = variance.len();
         let [d0, d1, d2] = self.difference.each_ref().map(|line| &line[..width]);
         let [e0, e1, e2] = self.direction.each_ref().map(|line| &line[..width]);
         let [xx, yy, zz, xy, xz, yz] = self.covariance.each_ref().map(|line| &line[..width]);
         let [cue, precision] = self.cue.each_ref().map(|line| &line[..width]);
+        let (largest, densities) = scratch.split_at_mut(width);
+        largest.fill(f32::NEG_INFINITY);
         for level in 0..LEVELS {
-            let a = level as f32 * STEP;
-            let aa = a * a;
-            let out = &mut values[level * width..][..width];
+            let alpha = level as f32 * STEP;
+            let exponent = &mut values[level * width..][..width];
+            let density = &mut densities[level * width..][..width];
             for col in 0..width {
-                let (r0, r1, r2) = (
-                    d0[col] - a * e0[col],
-                    d1[col] - a * e1[col],
-                    d2[col] - a * e2[col],
-                );
-                let noise = variance[col] + aa * MIN_SPREAD;
-                let (cxx, cyy, czz) = (
-                    noise + aa * xx[col],
-                    noise + aa * yy[col],
-                    noise + aa * zz[col],
-                );
-                let (cxy, cxz, cyz) = (aa * xy[col], aa * xz[col], aa * yz[col]);
-                // the inverse by cofactors
-                let (ixx, iyy, izz) = (
-                    cyy * czz - cyz * cyz,
-                    cxx * czz - cxz * cxz,
-                    cxx * cyy - cxy * cxy,
-                );
-                let (ixy, ixz, iyz) = (
-                    cxz * cyz - cxy * czz,
-                    cxy * cyz - cxz * cyy,
-                    cxy * cxz - cxx * cyz,
-                );
-                let determinant = (cxx * ixx + cxy * ixy + cxz * ixz).max(1e-6);
-                let square = r0 * (ixx * r0 + 2.0 * (ixy * r1 + ixz * r2))
-                    + r1 * (iyy * r1 + 2.0 * iyz * r2)
-                    + izz * r2 * r2;
-                let off = a - cue[col];
-                out[col] =
-                    -0.5 * (square / determinant + ln(determinant) + off * off * precision[col]);
+                let sigma = [xx[col], yy[col], zz[col], xy[col], xz[col], yz[col]];
+                let (cofactors, determinant) = adjugate(Self::total(alpha, variance[col], sigma));
+                let residual = [
+                    d0[col] - alpha * e0[col],
+                    d1[col] - alpha * e1[col],
+                    d2[col] - alpha * e2[col],
+                ];
+                let [r0, r1, r2] = residual;
+                let [s0, s1, s2] = product(&cofactors, residual);
+                let inverse = 1.0 / determinant.max(1e-6);
+                let off = alpha - cue[col];
+                let square = (r0 * s0 + r1 * s1 + r2 * s2) * inverse;
+                exponent[col] = -0.5 * (square + off * off * precision[col]);
+                density[col] = inverse.sqrt();
+                largest[col] = largest[col].max(exponent[col]);
             }
         }
-        for col in 0..width {
-            contrast[col] = e0[col] * e0[col] + e1[col] * e1[col] + e2[col] * e2[col];
+        for level in 0..LEVELS {
+            let density = &densities[level * width..][..width];
+            let out = &mut values[level * width..][..width];
+            for ((out, density), largest) in out.iter_mut().zip(density).zip(&*largest) {
+                *out = exp(*out - largest) * density;
+            }
         }
+    }
+}
+
+#[inline(always)]
+fn subtract<S: Simd>(_simd: S, a: &[f32], b: &[f32], out: &mut [f32]) {
+    for (out, (a, b)) in out.iter_mut().zip(a.iter().zip(b)) {
+        *out = a - b;
+    }
+}
+
+#[inline(always)]
+fn subtract_from<S: Simd>(_simd: S, a: &mut [f32], b: &[f32]) {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a -= b;
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Foreground has a solid part somewhere. What is connected to none, and far from all, is cleared.
 
-use ravec_raster::{Plane, distance_to, gaussian_blur};
+use ravec_raster::{Plane, gaussian_blur};
 
 /// Blur of alpha, and its value there from which foreground is solid: a disc of five pixels across.
 const SOLID_SIGMA_PX: f64 = 2.5;
@@ -29,32 +29,50 @@ pub(crate) fn clear_specks(alpha: &mut Plane, marked: impl Fn(usize, usize) -> b
     }
     let mut kept = Plane::new(size, 0.0);
     spread(alpha, &mut kept, open);
-    let distance = distance_to(size, |col, row| kept[(col, row)] > 0.0);
     let mut near = Vec::new();
     for row in 0..size.height() {
         for col in 0..size.width() {
-            if f64::from(distance[(col, row)]) <= NEAR_PX {
+            let is_loose = alpha[(col, row)] > 0.0 && kept[(col, row)] == 0.0;
+            if is_loose && is_near(&kept, col, row) {
                 near.push((col, row));
             }
         }
     }
-    kept.pixels_mut().fill(0.0);
     spread(alpha, &mut kept, near);
     for (alpha, kept) in alpha.pixels_mut().iter_mut().zip(kept.pixels()) {
         *alpha *= kept;
     }
 }
 
+/// Returns `true` if a pixel at most [`NEAR_PX`] away is marked.
+fn is_near(kept: &Plane, col: usize, row: usize) -> bool {
+    let reach = NEAR_PX as usize;
+    (row.saturating_sub(reach)..(row + reach + 1).min(kept.height())).any(|other| {
+        let half = NEAR_PX.powi(2) - (other as f64 - row as f64).powi(2);
+        let half = half.sqrt() as usize;
+        let line = kept.row(other);
+        let line = &line[col.saturating_sub(half)..(col + half + 1).min(line.len())];
+        line.iter().any(|kept| *kept > 0.0)
+    })
+}
+
 /// Marks all pixels of alpha above 0 that are connected to those in `open`.
 fn spread(alpha: &Plane, kept: &mut Plane, mut open: Vec<(usize, usize)>) {
-    while let Some((col, row)) = open.pop() {
-        if kept[(col, row)] > 0.0 || alpha[(col, row)] <= 0.0 {
-            continue;
+    open.retain(|at| {
+        let is_new = kept[*at] == 0.0 && alpha[*at] > 0.0;
+        if is_new {
+            kept[*at] = 1.0;
         }
-        kept[(col, row)] = 1.0;
+        is_new
+    });
+    while let Some((col, row)) = open.pop() {
         for r in row.saturating_sub(1)..(row + 2).min(alpha.height()) {
-            for c in col.saturating_sub(1)..(col + 2).min(alpha.width()) {
-                open.push((c, r));
+            let (alpha, kept) = (alpha.row(r), kept.row_mut(r));
+            for c in col.saturating_sub(1)..(col + 2).min(alpha.len()) {
+                if alpha[c] > 0.0 && kept[c] == 0.0 {
+                    kept[c] = 1.0;
+                    open.push((c, r));
+                }
             }
         }
     }

@@ -3,28 +3,26 @@
 //! The steps:
 //!
 //! 1. *Color models*: for each side a mean and a covariance at every place, spread from the marked pixels into the unknown ones.
-//! 2. *Likelihood* of nine values of alpha under both models and the noise; the mean and the variance of alpha follow.
-//! 3. *Matting Laplacian*: alpha follows the edges of the picture, and the mean of step 2 as far as its variance allows.
+//! 2. *Likelihood* (`mixture`) of nine values of alpha under both models and the noise; the mean and the variance of alpha follow.
+//! 3. *Matting Laplacian* (`laplacian`, `levels`): alpha follows the edges of the picture, and the mean of step 2 as far as its
+//!    variance allows. The solver starts at coarse levels and takes few steps at each: what is left of the start is a regularizer.
 //! 4. Steps 1 to 3 again, with the pixels that are almost certain as further samples of their side.
 //! 5. *Colors*: the most likely foreground and background that compose to the picture.
 //!
 //! Sources: Chuang et al., *A Bayesian approach to digital matting*, 2001 (likelihood and colors); Levin et al., *A closed-form
 //! solution to natural image matting*, 2008 (Laplacian).
 
-use crate::approximate::{exp, ln};
 use crate::field::{ColorField, color_field};
 use crate::half::doubled;
-use crate::laplacian::{DataTerm, MattingLaplacian, Unknowns};
+use crate::laplacian::{DataTerm, Unknowns};
+use crate::levels::Levels;
 use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
-use crate::posterior::LEVELS;
-use crate::symmetric::{adjugate, product};
+use crate::mixture::ModelRow;
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane};
 
 /// Noise of a picture: that of good photographs, which the steps of 8 bits set a floor for.
 const NOISE: f32 = 1.0 / 255.0;
-/// Variance that is added to that of both sides, relative to the noise: their models are never exact.
-const MIN_SPREAD: f32 = 1.0;
 /// Radius of the samples of the marked pixels, at half the size.
 const MARKED_SIGMA_PX: f64 = 6.0;
 /// Radius of the samples once the unknown pixels take part.
@@ -41,9 +39,9 @@ const SAMPLE_VARIANCE: f32 = 3e-4;
 const DATA_WEIGHT: f32 = 2e-4;
 /// Variance of alpha that is added to that of the likelihood: its models have errors in common.
 const DATA_VARIANCE: f32 = 0.03;
-/// Steps of the solver between passes, and after the last one.
-const PASS_STEPS: usize = 30;
-const LAST_STEPS: usize = 100;
+/// Steps of the solver at the finest level between passes, and after the last one.
+const PASS_STEPS: usize = 6;
+const LAST_STEPS: usize = 16;
 
 /// A matte by a trimap or strokes.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,7 +73,8 @@ pub fn still_matte(
     let unknowns = Unknowns::new(picture.size(), |col, row| {
         Constraint::of(constraints[(col, row)]) == Constraint::Unknown
     });
-    let laplacian = MattingLaplacian::new(picture, &unknowns);
+    let levels = Levels::new(picture, unknowns);
+    let unknowns = levels.unknowns();
     let mut alpha = constraints.map(|value| match Constraint::of(value) {
         Constraint::Foreground => 1.0,
         Constraint::Background => 0.0,
@@ -85,30 +84,28 @@ pub fn still_matte(
     let phase = progress.phase("matte", PASSES as u64);
     for pass in 1..=PASSES {
         progress.check()?;
-        let estimates = sides.estimates(&planes, &unknowns);
-        for (at, estimate) in unknowns.positions().zip(&estimates) {
-            alpha[at] = estimate.mean;
+        let estimates = sides.estimates(&planes, unknowns);
+        for (at, mean) in unknowns.positions().zip(&estimates.mean) {
+            alpha[at] = *mean;
         }
+        let weight = |variance: &f32| DATA_WEIGHT / (variance + DATA_VARIANCE);
         let data = DataTerm {
-            alpha: estimates.iter().map(|one| one.mean).collect(),
-            weight: estimates
-                .iter()
-                .map(|one| DATA_WEIGHT / (one.variance + DATA_VARIANCE))
-                .collect(),
+            weight: estimates.variance.iter().map(weight).collect(),
+            alpha: estimates.mean,
         };
         let steps = if pass < PASSES {
             PASS_STEPS
         } else {
             LAST_STEPS
         };
-        laplacian.solve(&data, &mut alpha, steps, progress)?;
+        levels.solve(&data, &mut alpha, steps, progress)?;
         if pass < PASSES {
-            sides = Sides::refined(&planes, &alpha, &unknowns, &estimates);
+            sides = Sides::refined(&planes, &alpha, unknowns, &estimates.variance);
         }
         phase.advance(1);
     }
     progress.check()?;
-    let [foreground, background] = sides.colors(picture, &alpha, &unknowns);
+    let [foreground, background] = sides.colors(picture, &planes, &alpha, unknowns);
     Ok(StillMatte {
         matte: Matte { alpha, foreground },
         background,
@@ -135,18 +132,10 @@ fn check(picture: &Colors, constraints: &Constraints) -> Result<(), MattingError
     Ok(())
 }
 
-/// Mean and variance of alpha by the color of a pixel alone.
-#[derive(Debug, Clone, Copy, Default)]
-struct Estimate {
-    mean: f32,
-    variance: f32,
-}
-
-/// Color of one side at a pixel, in units of the noise.
-struct Side {
-    mean: [f32; 3],
-    /// Entries xx, yy, zz, xy, xz, yz.
-    covariance: [f32; 6],
+/// Mean and variance of alpha by the colors of the unknown pixels alone.
+struct Estimates {
+    mean: Vec<f32>,
+    variance: Vec<f32>,
 }
 
 /// The color models of both sides.
@@ -166,15 +155,10 @@ impl Sides {
     }
 
     /// Samples are all pixels of which alpha and the likelihood are nearly certain.
-    fn refined(
-        planes: &[Plane; 3],
-        alpha: &Plane,
-        unknowns: &Unknowns,
-        estimates: &[Estimate],
-    ) -> Self {
+    fn refined(planes: &[Plane; 3], alpha: &Plane, unknowns: &Unknowns, variance: &[f32]) -> Self {
         let mut certainty = Plane::new(alpha.size(), 1.0);
-        for (at, estimate) in unknowns.positions().zip(estimates) {
-            certainty[at] = 1.0 / (1.0 + estimate.variance / SAMPLE_VARIANCE);
+        for (at, variance) in unknowns.positions().zip(variance) {
+            certainty[at] = 1.0 / (1.0 + variance / SAMPLE_VARIANCE);
         }
         let samples = |share: &Plane| {
             let mut weight = share.map(|share| share.powi(SAMPLE_POWER));
@@ -195,48 +179,48 @@ impl Sides {
         }
     }
 
-    fn at(&self, col: usize, row: usize) -> [Side; 2] {
-        let sample = Bilinear::at_half(&self.foreground.mean[0], col, row);
-        [&self.foreground, &self.background].map(|field| Side {
-            mean: field.mean.each_ref().map(|plane| sample.of(plane)),
-            covariance: field.covariance.each_ref().map(|plane| sample.of(plane)),
-        })
-    }
-
     /// Mean and variance of alpha of the unknown pixels.
-    fn estimates(&self, planes: &[Plane; 3], unknowns: &Unknowns) -> Vec<Estimate> {
-        let mut estimates = vec![Estimate::default(); unknowns.len()];
-        unknowns.for_spans(&mut estimates, 1, |span, estimates| {
-            for (col, estimate) in (span.col..).zip(estimates) {
-                let color = [0, 1, 2].map(|channel| planes[channel][(col, span.row)]);
-                *estimate = self.estimate(color, col, span.row);
-            }
-        });
+    fn estimates(&self, planes: &[Plane; 3], unknowns: &Unknowns) -> Estimates {
+        // for each span all means and then all variances
+        let mut moments = vec![0.0f32; 2 * unknowns.len()];
+        unknowns.for_spans(
+            &mut moments,
+            2,
+            ModelRow::default,
+            |models, span, moments| {
+                models.fill(
+                    [&self.foreground, &self.background],
+                    span.row,
+                    planes[0].width(),
+                );
+                let cols = span.col..span.col + span.len;
+                let colors = planes
+                    .each_ref()
+                    .map(|plane| &plane.row(span.row)[cols.clone()]);
+                let (mean, variance) = moments.split_at_mut(span.len);
+                models.estimate(cols, colors, mean, variance);
+            },
+        );
+        let mut estimates = Estimates {
+            mean: Vec::with_capacity(unknowns.len()),
+            variance: Vec::with_capacity(unknowns.len()),
+        };
+        for span in unknowns.spans() {
+            let (mean, variance) = moments[2 * span.start..][..2 * span.len].split_at(span.len);
+            estimates.mean.extend_from_slice(mean);
+            estimates.variance.extend_from_slice(variance);
+        }
         estimates
     }
 
-    fn estimate(&self, color: [f32; 3], col: usize, row: usize) -> Estimate {
-        let sides = self.at(col, row);
-        let logarithms: [f32; LEVELS] =
-            std::array::from_fn(|level| Mixture::of(&sides, level_alpha(level)).likelihood(color));
-        let largest = logarithms.iter().copied().fold(f32::MIN, f32::max);
-        let mut moments = [0.0f32; 3];
-        for (level, logarithm) in logarithms.iter().enumerate() {
-            let chance = exp(logarithm - largest);
-            let alpha = level_alpha(level);
-            moments[0] += chance;
-            moments[1] += chance * alpha;
-            moments[2] += chance * alpha * alpha;
-        }
-        let mean = moments[1] / moments[0];
-        Estimate {
-            mean,
-            variance: (moments[2] / moments[0] - mean * mean).max(0.0),
-        }
-    }
-
     /// Colors of the foreground and the background.
-    fn colors(&self, picture: &Colors, alpha: &Plane, unknowns: &Unknowns) -> [Colors; 2] {
+    fn colors(
+        &self,
+        picture: &Colors,
+        planes: &[Plane; 3],
+        alpha: &Plane,
+        unknowns: &Unknowns,
+    ) -> [Colors; 2] {
         // a side that a pixel does not show continues from its samples
         let side = |field: &ColorField, whole: f32| {
             let mean = field
@@ -254,20 +238,29 @@ impl Sides {
         };
         let mut foreground = side(&self.foreground, 1.0);
         let mut background = side(&self.background, 0.0);
-        let mut pairs = vec![[[0.0; 3]; 2]; unknowns.len()];
-        unknowns.for_spans(&mut pairs, 1, |span, pairs| {
-            for (col, pair) in (span.col..).zip(pairs) {
-                let at = (col, span.row);
-                let sides = self.at(col, span.row);
-                let color = picture[at].map(|value| value / NOISE);
-                *pair = Mixture::of(&sides, alpha[at])
-                    .split(&sides, color)
-                    .map(shown);
-            }
+        // for each span the channels of the foreground, and those of the background
+        let mut pairs = vec![0.0f32; 6 * unknowns.len()];
+        unknowns.for_spans(&mut pairs, 6, ModelRow::default, |models, span, pairs| {
+            models.fill(
+                [&self.foreground, &self.background],
+                span.row,
+                planes[0].width(),
+            );
+            let cols = span.col..span.col + span.len;
+            let colors = planes
+                .each_ref()
+                .map(|plane| &plane.row(span.row)[cols.clone()]);
+            models.split(cols.clone(), colors, &alpha.row(span.row)[cols], pairs);
         });
-        for (at, [front, back]) in unknowns.positions().zip(pairs) {
-            foreground[at] = front;
-            background[at] = back;
+        for span in unknowns.spans() {
+            let lines = &pairs[6 * span.start..][..6 * span.len];
+            let color = |side: usize, at: usize| {
+                shown([0, 1, 2].map(|channel| lines[(3 * side + channel) * span.len + at]))
+            };
+            for at in 0..span.len {
+                foreground[(span.col + at, span.row)] = color(0, at);
+                background[(span.col + at, span.row)] = color(1, at);
+            }
         }
         [foreground, background]
     }
@@ -282,113 +275,7 @@ fn in_range(value: f32) -> f32 {
     }
 }
 
-/// The value of alpha that a level stands for.
-fn level_alpha(level: usize) -> f32 {
-    level as f32 / (LEVELS - 1) as f32
-}
-
 /// A color in units of the noise as files hold it.
 fn shown(color: [f32; 3]) -> [f32; 3] {
     color.map(|value| (value * NOISE).clamp(0.0, 1.0))
-}
-
-/// Places and shares of the four pixels at half the size around a pixel.
-struct Bilinear {
-    cols: [usize; 2],
-    rows: [usize; 2],
-}
-
-impl Bilinear {
-    fn at_half(half: &Plane, col: usize, row: usize) -> Self {
-        let around = |at: usize, length: usize| {
-            let near = (at / 2).min(length - 1);
-            let far = if at.is_multiple_of(2) {
-                near.saturating_sub(1)
-            } else {
-                (near + 1).min(length - 1)
-            };
-            [near, far]
-        };
-        Self {
-            cols: around(col, half.width()),
-            rows: around(row, half.height()),
-        }
-    }
-
-    fn of(&self, half: &Plane) -> f32 {
-        let [near, far] = self.rows.map(|row| {
-            let [near, far] = self.cols.map(|col| half[(col, row)]);
-            0.75 * near + 0.25 * far
-        });
-        0.75 * near + 0.25 * far
-    }
-}
-
-/// Distribution of the color of a pixel with a given alpha.
-struct Mixture {
-    alpha: f32,
-    mean: [f32; 3],
-    /// Adjugate of the covariance: entries xx, yy, zz, xy, xz, yz.
-    cofactors: [f32; 6],
-    determinant: f32,
-}
-
-impl Mixture {
-    fn of([foreground, background]: &[Side; 2], alpha: f32) -> Self {
-        let beta = 1.0 - alpha;
-        let (front, back) = (alpha * alpha, beta * beta);
-        let noise = 1.0 + MIN_SPREAD * (front + back);
-        let covariance: [f32; 6] = std::array::from_fn(|entry| {
-            front * foreground.covariance[entry]
-                + back * background.covariance[entry]
-                + if entry < 3 { noise } else { 0.0 }
-        });
-        // rounding must not make the determinant vanish: in exact numbers it is above 1
-        let (cofactors, determinant) = adjugate(covariance);
-        Self {
-            alpha,
-            mean: [0, 1, 2].map(|c| alpha * foreground.mean[c] + beta * background.mean[c]),
-            cofactors,
-            determinant: determinant.max(1.0),
-        }
-    }
-
-    /// Inverse covariance times the difference to the mean.
-    fn whitened(&self, residual: [f32; 3]) -> [f32; 3] {
-        product(&self.cofactors, residual).map(|value| value / self.determinant)
-    }
-
-    fn residual(&self, color: [f32; 3]) -> [f32; 3] {
-        [0, 1, 2].map(|c| color[c] - self.mean[c])
-    }
-
-    /// Logarithm of the likelihood of a color, up to a constant.
-    fn likelihood(&self, color: [f32; 3]) -> f32 {
-        let residual = self.residual(color);
-        -0.5 * (dot(residual, self.whitened(residual)) + ln(self.determinant))
-    }
-
-    /// The most likely colors of both sides that compose to `color`: what the models leave is shared in proportion to their parts of
-    /// it.
-    fn split(&self, sides: &[Side; 2], color: [f32; 3]) -> [[f32; 3]; 2] {
-        let whitened = self.whitened(self.residual(color));
-        let shares = [self.alpha, 1.0 - self.alpha];
-        let mut colors: [[f32; 3]; 2] = std::array::from_fn(|index| {
-            let (side, share) = (&sides[index], shares[index]);
-            let gain = product(&side.covariance, whitened);
-            [0, 1, 2].map(|c| side.mean[c] + share * (gain[c] + MIN_SPREAD * whitened[c]))
-        });
-        let norm = shares[0] * shares[0] + shares[1] * shares[1];
-        for c in 0..3 {
-            let rest = color[c] - shares[0] * colors[0][c] - shares[1] * colors[1][c];
-            for (color, share) in colors.iter_mut().zip(shares) {
-                color[c] += rest * share / norm;
-            }
-        }
-        colors
-    }
-}
-
-fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -3,6 +3,7 @@
 use std::ops::{Add, Mul, Sub};
 
 /// Adjugate and determinant. The inverse is their quotient.
+#[inline(always)]
 pub(crate) fn adjugate<T>([xx, yy, zz, xy, xz, yz]: [T; 6]) -> ([T; 6], T)
 where
     T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>,
@@ -20,6 +21,7 @@ where
 }
 
 /// Product of a matrix and a vector.
+#[inline(always)]
 pub(crate) fn product([xx, yy, zz, xy, xz, yz]: &[f32; 6], [x, y, z]: [f32; 3]) -> [f32; 3] {
     [
         xx * x + xy * y + xz * z,

@@ -1,7 +1,9 @@
 //! Texture of the plate as a cue: foreground hides it, even where the colors agree.
 
-use crate::half::halve;
+use crate::half::{halved_of, rows_of};
+use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_raster::{Plane, gaussian_blur};
+use rayon::prelude::*;
 
 /// Standard deviation of a window, in pixels of half the size (3 pixels of the frame).
 const SIGMA_PX: f64 = 1.5;
@@ -30,48 +32,82 @@ pub(crate) struct TextureCue {
 /// Fits, in each window, a slope of the frame on the plate that all channels share. Both are in units of the noise. Windows whose
 /// plate is not known, as `is_known` says by 0 and 1, have no cue.
 pub(crate) fn texture_cue(frame: &[Plane; 3], plate: &[Plane; 3], is_known: &Plane) -> TextureCue {
-    let smooth = |plane: &Plane| gaussian_blur(&halve(plane), SIGMA_PX);
-    let size = frame[0].size();
-    let products = |a: &[Plane; 3], b: &[Plane; 3]| {
-        let mut sum = Plane::new(size, 0.0);
-        let [a0, a1, a2] = a.each_ref().map(Plane::pixels);
-        let [b0, b1, b2] = b.each_ref().map(Plane::pixels);
-        for (at, out) in sum.pixels_mut().iter_mut().enumerate() {
-            *out = a0[at] * b0[at] + a1[at] * b1[at] + a2[at] * b2[at];
-        }
-        smooth(&sum)
-    };
-    let (frame_plate, plate_plate, frame_frame) = (
-        products(frame, plate),
-        products(plate, plate),
-        products(frame, frame),
-    );
-    let (frame, plate) = (frame.each_ref().map(smooth), plate.each_ref().map(smooth));
-    let mut alpha = Plane::new(frame_plate.size(), 0.0);
-    let mut precision = alpha.clone();
-    for at in 0..alpha.pixels().len() {
-        let mean = |a: &[Plane; 3], b: &[Plane; 3]| {
-            (0..3)
-                .map(|c| a[c].pixels()[at] * b[c].pixels()[at])
-                .sum::<f32>()
-        };
-        let covariance = frame_plate.pixels()[at] - mean(&frame, &plate);
-        // less the noise of the plate, of which little is known
-        let variance = (plate_plate.pixels()[at] - mean(&plate, &plate)).max(0.0);
-        let total = frame_frame.pixels()[at] - mean(&frame, &frame);
-        let slope = covariance / (variance + 1.0);
-        let residual = (total - slope * covariance).max(3.0) / 3.0;
-        alpha.pixels_mut()[at] = (1.0 - slope).clamp(0.0, 1.0);
-        let noise = UNEVEN * residual / WINDOW_PX + WEAK;
-        let spread = noise / variance.max(1e-6) + MIN_VARIANCE;
-        precision.pixels_mut()[at] = 1.0 / spread;
-    }
+    let size = is_known.size();
+    let means = halved_of(size, |row, lines| {
+        let frame = frame.each_ref().map(|plane| plane.row(row));
+        let plate = plate.each_ref().map(|plane| plane.row(row));
+        dispatch!(Vectors::new(), simd => products(simd, frame, plate, lines));
+    });
+    let means = means.map(|plane| gaussian_blur(&plane, SIGMA_PX));
+    let mut cue = [(); 2].map(|()| Plane::new(size.cells(2), 0.0));
+    rows_of(&mut cue)
+        .into_par_iter()
+        .enumerate()
+        .for_each(|(row, [alpha, precision])| {
+            let means = means.each_ref().map(|plane| plane.row(row));
+            dispatch!(Vectors::new(), simd => slopes(simd, means, alpha, precision));
+        });
+    let [alpha, mut precision] = cue;
     if is_known.pixels().iter().any(|&known| known < 1.0) {
-        let known = smooth(is_known);
+        let [known] = halved_of(size, |row, [line]| line.copy_from_slice(is_known.row(row)));
+        let known = gaussian_blur(&known, SIGMA_PX);
         for (precision, known) in precision.pixels_mut().iter_mut().zip(known.pixels()) {
             let share = ((known - MIN_KNOWN) / (1.0 - MIN_KNOWN)).clamp(0.0, 1.0);
             *precision *= share * share;
         }
     }
     TextureCue { alpha, precision }
+}
+
+/// Quantities whose means describe a window: the products frame · plate, plate · plate and frame · frame, summed over the channels,
+/// and the channels of the frame and of the plate.
+const QUANTITIES: usize = 9;
+
+/// The quantities of a row.
+#[inline(always)]
+fn products<S: Simd>(
+    _simd: S,
+    frame: [&[f32]; 3],
+    plate: [&[f32]; 3],
+    lines: &mut [Vec<f32>; QUANTITIES],
+) {
+    let width = lines[0].len();
+    let [f0, f1, f2] = frame.map(|line| &line[..width]);
+    let [p0, p1, p2] = plate.map(|line| &line[..width]);
+    let [mixed, plates, frames, channels @ ..] = lines;
+    let sums = mixed.iter_mut().zip(plates).zip(frames).enumerate();
+    for (col, ((mixed, plates), frames)) in sums {
+        *mixed = f0[col] * p0[col] + f1[col] * p1[col] + f2[col] * p2[col];
+        *plates = p0[col] * p0[col] + p1[col] * p1[col] + p2[col] * p2[col];
+        *frames = f0[col] * f0[col] + f1[col] * f1[col] + f2[col] * f2[col];
+    }
+    for (out, line) in channels.iter_mut().zip([f0, f1, f2, p0, p1, p2]) {
+        out.copy_from_slice(line);
+    }
+}
+
+/// Alpha and precision of a row from the means of its windows.
+#[inline(always)]
+fn slopes<S: Simd>(
+    _simd: S,
+    means: [&[f32]; QUANTITIES],
+    alpha: &mut [f32],
+    precision: &mut [f32],
+) {
+    let width = alpha.len();
+    let [mixed, plates, frames, f0, f1, f2, p0, p1, p2] = means.map(|line| &line[..width]);
+    for (col, (alpha, precision)) in alpha.iter_mut().zip(precision).enumerate() {
+        let (f, p) = ([f0[col], f1[col], f2[col]], [p0[col], p1[col], p2[col]]);
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let covariance = mixed[col] - dot(f, p);
+        // less the noise of the plate, of which little is known
+        let variance = (plates[col] - dot(p, p)).max(0.0);
+        let total = frames[col] - dot(f, f);
+        let slope = covariance / (variance + 1.0);
+        let residual = (total - slope * covariance).max(3.0) / 3.0;
+        *alpha = (1.0 - slope).clamp(0.0, 1.0);
+        let noise = UNEVEN * residual / WINDOW_PX + WEAK;
+        let spread = noise / variance.max(1e-6) + MIN_VARIANCE;
+        *precision = 1.0 / spread;
+    }
 }

@@ -63,9 +63,9 @@ impl Slab {
             pad(&self.products, REACH, &mut self.padded);
             wide.resize(begin + self.width, 0.0);
             let padded = &self.padded;
-            weigh(&mut wide[begin..], &kernel, |tap| {
-                (&padded[REACH - tap..], &padded[REACH + tap..])
-            });
+            let taps: [_; REACH + 1] =
+                std::array::from_fn(|tap| (&padded[REACH - tap..], &padded[REACH + tap..]));
+            weigh(&mut wide[begin..], &kernel, &taps);
         }
     }
 
@@ -76,9 +76,9 @@ impl Slab {
         let mut means: [Vec<f32>; 5] = std::array::from_fn(|_| vec![0.0; self.width]);
         for (mean, wide) in means.iter_mut().zip(&self.wide) {
             let line = |row: usize| &wide[row.min(self.rows - 1) * self.width..][..self.width];
-            weigh(mean, &kernel, |tap| {
-                (line(row.saturating_sub(tap)), line(row + tap))
-            });
+            let taps: [_; REACH + 1] =
+                std::array::from_fn(|tap| (line(row.saturating_sub(tap)), line(row + tap)));
+            weigh(mean, &kernel, &taps);
         }
         let [x, y, xx, yy, xy] = &means;
         for (col, value) in out.iter_mut().enumerate() {

@@ -1,0 +1,285 @@
+//! Alpha and foreground of a rectangle of a frame, in units of the noise.
+
+use crate::detect::{CERTAIN, CERTAIN_SMOOTH, Difference};
+use crate::field::{ColorField, color_field};
+use crate::half::{halved_of, spread};
+use crate::light::PlateLight;
+use crate::matte::{Colors, Constraint, MattingError};
+use crate::plate::{PlateFrame, PlateParams, UNKNOWN_VARIANCE};
+use crate::posterior::{Evidence, Likelihood, Prior};
+use crate::shadow::{Shadows, shadow_factor};
+use crate::speckles::clear_specks;
+use crate::texture::{TextureCue, texture_cue};
+use fearless_simd::{Level as Vectors, Simd, dispatch};
+use ravec_progress::Progress;
+use ravec_raster::{Plane, Rect};
+
+/// Radius of the window whose largest difference stands for opaque foreground at the start.
+const START_RADIUS: usize = 3;
+/// Standard deviations of the windows of the foreground field in the two passes, in pixels of half the size.
+const FIELD_SIGMA_PX: [f64; 2] = [2.0, 1.0];
+/// Standard deviation of the pooling, in pixels of half the size.
+const POOL_SIGMA_PX: f64 = 2.5;
+/// Weight of distant places in the pooling.
+const POOL_PULL: f32 = 0.01;
+/// Squared contrast, in units of the noise, at which a pixel counts half in the pooling.
+const POOL_CONTRAST: f32 = 60.0;
+/// Variance, in units of that of the noise, above which a pixel counts less in the pooling.
+const SURE_VARIANCE: f32 = 50.0;
+
+/// A rectangle of a frame in which there is foreground.
+pub(crate) struct Region {
+    rect: Rect,
+    frame: [Plane; 3],
+    plate: [Plane; 3],
+    variance: Plane,
+    /// Alpha to start with.
+    start: Plane,
+}
+
+impl Region {
+    /// The part of a frame in a rectangle that is not empty, with its plate in the light of the frame. `None` for a rectangle that
+    /// leaves the frame.
+    pub fn new(
+        rect: Rect,
+        input: &PlateFrame<'_>,
+        light: &PlateLight,
+        background: &Colors,
+        variance: &Plane,
+        difference: &Difference,
+    ) -> Option<Self> {
+        let size = rect.size()?;
+        let variance = variance.crop(rect.col, rect.row, size).ok()?;
+        let frame = light.whitened(input.frame, rect);
+        let mut plate = light.whitened(background, rect);
+        // what is not known differs from nothing
+        for (plate, frame) in plate.iter_mut().zip(&frame) {
+            let pixels = plate.pixels_mut().iter_mut().zip(frame.pixels());
+            for ((plate, frame), variance) in pixels.zip(variance.pixels()) {
+                *plate = if *variance > 0.5 * UNKNOWN_VARIANCE {
+                    *frame
+                } else {
+                    *plate
+                };
+            }
+        }
+        let chi_squared = difference.chi_squared.crop(rect.col, rect.row, size).ok()?;
+        let smooth = difference.smooth.crop(rect.col, rect.row, size).ok()?;
+        let region = Self {
+            rect,
+            frame,
+            plate,
+            variance,
+            start: start_of(&chi_squared, &smooth),
+        };
+        let mut start = region.start.clone();
+        region.hold(input, &mut start);
+        Some(Self { start, ..region })
+    }
+
+    /// Solves for alpha and foreground, and writes them into those of the frame.
+    ///
+    /// # Errors
+    /// [`MattingError::Cancelled`].
+    pub fn solve(
+        &self,
+        input: &PlateFrame<'_>,
+        light: &PlateLight,
+        params: &PlateParams,
+        alpha: &mut Plane,
+        foreground: &mut Colors,
+        progress: &Progress,
+    ) -> Result<(), MattingError> {
+        let is_known = self
+            .variance
+            .map(|variance| f32::from(u8::from(variance <= 0.5 * UNKNOWN_VARIANCE)));
+        let cue = texture_cue(&self.frame, &self.plate, &is_known);
+        let mut likelihood = Likelihood::new(self.variance.size());
+        let mut found = self.start.clone();
+        let mut field = None;
+        for sigma_px in FIELD_SIGMA_PX {
+            progress.check()?;
+            let next = self.foreground_field(&found, sigma_px);
+            let evidence = self.evidence(&next, &cue);
+            likelihood.update(&evidence);
+            let prior = self.pooled(&likelihood);
+            found = likelihood.alpha(&prior);
+            self.hold(input, &mut found);
+            field = Some(next);
+        }
+        let Some(field) = field else { return Ok(()) };
+        snap(&mut found, params.snap);
+        clear_specks(&mut found, |col, row| {
+            input.stroke(self.rect.col + col, self.rect.row + row) == Constraint::Foreground
+        });
+        let mut colors = Likelihood::foreground(&self.evidence(&field, &cue), &found);
+        if params.shadows != Shadows::Foreground {
+            self.separate_shadows(input, params.shadows, &mut found, &mut colors);
+        }
+        for row in 0..self.rect.height {
+            let to = self.rect.row + row;
+            alpha.row_mut(to)[self.rect.col..][..self.rect.width].copy_from_slice(found.row(row));
+            let [r, g, b] = colors.each_ref().map(|plane| plane.row(row));
+            let out = &mut foreground.row_mut(to)[self.rect.col..][..self.rect.width];
+            for (out, ((r, g), b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
+                *out = [
+                    (r * light.sigma[0]).clamp(0.0, 1.0),
+                    (g * light.sigma[1]).clamp(0.0, 1.0),
+                    (b * light.sigma[2]).clamp(0.0, 1.0),
+                ];
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes shadows black, with the alpha that is asked for. Strokes of foreground stay.
+    fn separate_shadows(
+        &self,
+        input: &PlateFrame<'_>,
+        shadows: Shadows,
+        alpha: &mut Plane,
+        colors: &mut [Plane; 3],
+    ) {
+        let factor = shadow_factor(&self.frame, &self.plate, &self.variance);
+        for row in 0..self.rect.height {
+            for col in 0..self.rect.width {
+                let at = (col, row);
+                let stroke = input.stroke(self.rect.col + col, self.rect.row + row);
+                if factor[at] >= 1.0 || alpha[at] <= 0.0 || stroke == Constraint::Foreground {
+                    continue;
+                }
+                alpha[at] = shadows.alpha(factor[at]);
+                for color in colors.iter_mut() {
+                    color[at] = 0.0;
+                }
+            }
+        }
+    }
+
+    fn evidence<'a>(&'a self, field: &'a ColorField, cue: &'a TextureCue) -> Evidence<'a> {
+        Evidence {
+            frame: &self.frame,
+            plate: &self.plate,
+            variance: &self.variance,
+            field,
+            cue,
+        }
+    }
+
+    /// Colors of the frame where alpha is almost 1.
+    fn foreground_field(&self, alpha: &Plane, sigma_px: f64) -> ColorField {
+        let weight = alpha.map(|alpha| {
+            let squared = alpha * alpha;
+            let fourth = squared * squared;
+            let tenth = fourth * fourth * squared;
+            if tenth < 1e-4 { 0.0 } else { tenth }
+        });
+        color_field(&self.frame, &weight, sigma_px)
+    }
+
+    /// Shares of both ends from the neighbors that are sure, each with its contrast as weight.
+    fn pooled(&self, likelihood: &Likelihood) -> Prior {
+        let size = self.variance.size();
+        let [weight, background, foreground] = halved_of(size, |row, lines| {
+            let contrast = likelihood.contrast.row(row);
+            let variance = self.variance.row(row);
+            let ends = likelihood.ends.each_ref().map(|plane| plane.row(row));
+            dispatch!(Vectors::new(), simd => weighted_ends(simd, contrast, variance, ends, lines));
+        });
+        let [background, foreground] =
+            spread(&weight, [background, foreground], POOL_SIGMA_PX, POOL_PULL);
+        Prior {
+            background,
+            foreground,
+        }
+    }
+
+    fn hold(&self, input: &PlateFrame<'_>, alpha: &mut Plane) {
+        if input.strokes.is_none() {
+            return;
+        }
+        for row in 0..self.rect.height {
+            for col in 0..self.rect.width {
+                match input.stroke(self.rect.col + col, self.rect.row + row) {
+                    Constraint::Unknown => {}
+                    Constraint::Background => alpha[(col, row)] = 0.0,
+                    Constraint::Foreground => alpha[(col, row)] = 1.0,
+                }
+            }
+        }
+    }
+}
+
+/// Sets alpha to 0 up to `limit`, and to 1 from one less it.
+fn snap(alpha: &mut Plane, limit: f32) {
+    for value in alpha.pixels_mut() {
+        *value = if *value <= limit {
+            0.0
+        } else if *value >= 1.0 - limit {
+            1.0
+        } else {
+            *value
+        };
+    }
+}
+
+/// The weight of a row in the pooling, and its product with the probabilities of both ends.
+#[inline(always)]
+fn weighted_ends<S: Simd>(
+    _simd: S,
+    contrast: &[f32],
+    variance: &[f32],
+    ends: [&[f32]; 2],
+    lines: &mut [Vec<f32>; 3],
+) {
+    let [weight, shares @ ..] = lines;
+    for (weight, (contrast, variance)) in weight.iter_mut().zip(contrast.iter().zip(variance)) {
+        // where the plate is not known there is nothing to be sure of
+        *weight = contrast / (contrast + POOL_CONTRAST) * (SURE_VARIANCE / variance).min(1.0);
+    }
+    for (out, end) in shares.iter_mut().zip(ends) {
+        for (out, (weight, end)) in out.iter_mut().zip(weight.iter().zip(end)) {
+            *out = weight * end;
+        }
+    }
+}
+
+/// The first alpha: the difference as a share of the largest one nearby, where there may be foreground at all.
+fn start_of(chi_squared: &Plane, smooth: &Plane) -> Plane {
+    let mut start = chi_squared.map(f32::sqrt);
+    let largest = largest_within(&start, START_RADIUS);
+    let limits = largest.pixels().iter().zip(smooth.pixels());
+    let pixels = start.pixels_mut().iter_mut().zip(chi_squared.pixels());
+    for ((start, chi_squared), (largest, smooth)) in pixels.zip(limits) {
+        let is_certain = *smooth > CERTAIN_SMOOTH && *chi_squared > CERTAIN;
+        let share = *start / largest.max(1e-6);
+        *start = if is_certain { share } else { 0.0 };
+    }
+    start
+}
+
+/// Largest value of each square window.
+fn largest_within(plane: &Plane, radius: usize) -> Plane {
+    let mut across = plane.clone();
+    across.for_each_row(|row, out| {
+        let line = plane.row(row);
+        for offset in 1..=radius.min(line.len()) {
+            raise(&mut out[offset..], line);
+            raise(out, &line[offset..]);
+        }
+    });
+    let mut both = across.clone();
+    both.for_each_row(|row, out| {
+        for other in row.saturating_sub(radius)..(row + radius + 1).min(plane.height()) {
+            raise(out, across.row(other));
+        }
+    });
+    both
+}
+
+/// Raises values to those of a line.
+fn raise(values: &mut [f32], line: &[f32]) {
+    for (value, other) in values.iter_mut().zip(line) {
+        *value = if *other > *value { *other } else { *value };
+    }
+}
