@@ -67,7 +67,7 @@ fn solve(
     };
     if let Some(next) = coarse.first() {
         let [start] = halved_of(alpha.size(), |row, [line]| {
-            line.copy_from_slice(alpha.row(row))
+            line.copy_from_slice(alpha.row(row));
         });
         let mut correction = start.clone();
         let data = data.halved(fine.unknowns(), next.unknowns());
