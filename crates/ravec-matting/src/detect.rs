@@ -255,7 +255,7 @@ mod tests {
     fn regions_contain_what_differs_with_a_margin_and_do_not_overlap() {
         let size = Size::new(203, 161).unwrap();
         for seed in 0..40usize {
-            let rects: Vec<Rect> = (0..1 + seed % 7)
+            let rects: Vec<Rect> = (0..=seed % 7)
                 .map(|at| {
                     let place = (seed * 31 + at * 67) * 2_654_435_761;
                     Rect::new(place / 64 % 190, place / 4096 % 150, 6, 5 + at)
