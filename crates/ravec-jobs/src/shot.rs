@@ -12,9 +12,10 @@ use ravec::matting::Colors;
 use ravec::planar::track::TrackState;
 use ravec::planar::{Beyond, Homography, warp};
 use ravec::raster::{AnyImage, Image, Mask, Plane, Sample, Size, Srgb, Srgba};
-use ravec::video_edit::interpolated;
+use ravec::video_edit::Interpolator;
 use serde::Deserialize;
 use std::path::Path;
+use std::sync::OnceLock;
 
 /// The largest file of a track that is read, in bytes.
 const MAX_TRACK_BYTES: u64 = 256 << 20;
@@ -173,6 +174,8 @@ pub(crate) struct ShotPlate {
     colors: Colors,
     /// Transparent pixels.
     unknown: Option<Mask>,
+    /// The plate for views of about its scale.
+    interpolator: OnceLock<Interpolator>,
     pad_px: usize,
     /// The parts that lie on planes of their own, the foremost first; none if the plate is of one plane.
     regions: Vec<Region>,
@@ -182,6 +185,7 @@ pub(crate) struct ShotPlate {
 struct Region {
     /// Pixels that do not belong to it, or are transparent.
     unknown: Mask,
+    interpolator: OnceLock<Interpolator>,
     track: ShotTrack,
 }
 
@@ -214,6 +218,7 @@ impl ShotPlate {
         Self {
             colors: encoded(picture),
             unknown: unknown.filter(|unknown| !unknown.is_empty()),
+            interpolator: OnceLock::new(),
             pad_px,
             regions: Vec::new(),
         }
@@ -263,7 +268,11 @@ impl ShotPlate {
             let unknown = Mask::from_fn(size, |col, row| {
                 own.at(col, row) <= 0.0 || unknown.is_some_and(|unknown| unknown.at(col, row) > 0.0)
             });
-            self.regions.push(Region { unknown, track });
+            self.regions.push(Region {
+                unknown,
+                interpolator: OnceLock::new(),
+                track,
+            });
         }
         Ok(self)
     }
@@ -288,7 +297,9 @@ impl ShotPlate {
         context: &Context,
     ) -> Result<PlateInFrame, JobError> {
         let mut pixels = if self.regions.is_empty() {
-            self.warped(frame_from_reference, self.unknown.as_ref(), size, context)?
+            let interpolator = &self.interpolator;
+            let unknown = self.unknown.as_ref();
+            self.warped(frame_from_reference, unknown, interpolator, size, context)?
         } else {
             Image::new(size, [0.0; 4])
         };
@@ -296,7 +307,8 @@ impl ShotPlate {
             let Some(map) = region.track.map(index) else {
                 continue;
             };
-            let behind = self.warped(map, Some(&region.unknown), size, context)?;
+            let unknown = Some(&region.unknown);
+            let behind = self.warped(map, unknown, &region.interpolator, size, context)?;
             for (pixel, behind) in pixels.pixels_mut().iter_mut().zip(behind.pixels()) {
                 let open = 1.0 - pixel[3].clamp(0.0, 1.0);
                 for (pixel, behind) in pixel.iter_mut().zip(behind) {
@@ -317,6 +329,7 @@ impl ShotPlate {
         &self,
         frame_from_reference: &Homography,
         unknown: Option<&Mask>,
+        interpolator: &OnceLock<Interpolator>,
         size: Size,
         context: &Context,
     ) -> Result<Image<[f32; 4]>, JobError> {
@@ -327,7 +340,9 @@ impl ShotPlate {
         let scale = plate_from_frame.jacobian(middle).determinant().abs().sqrt();
         Ok(if scale < MAX_REDUCTION {
             context.progress.check()?;
-            interpolated(&self.colors, unknown, &plate_from_frame, size)
+            interpolator
+                .get_or_init(|| Interpolator::new(&self.colors, unknown))
+                .view(&plate_from_frame, size)
         } else {
             let known =
                 |at: (usize, usize)| unknown.is_none_or(|unknown| unknown.at(at.0, at.1) <= 0.0);

@@ -2,7 +2,7 @@
 //! three lobes.
 
 use crate::Colors;
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use ravec_planar::Homography;
 use ravec_raster::{Image, Mask, Size};
 use std::sync::LazyLock;
@@ -33,111 +33,86 @@ static WEIGHTS: LazyLock<Vec<[f32; TAPS]>> = LazyLock::new(|| {
         .collect()
 });
 
-/// Colors seen through a map from the output, and 1 where the kernel lies in the image and meets no pixel that is excluded; 0
-/// elsewhere.
-///
-/// Pixels of `excluded` and those that are not finite are left out. Nothing is averaged: the map must not reduce the image by more than
-/// a little. A shift by whole pixels keeps colors exactly.
-pub fn interpolated(
-    colors: &Colors,
-    excluded: Option<&Mask>,
-    image_from_output: &Homography,
-    size: Size,
-) -> Image<[f32; 4]> {
-    let mask = excluded;
-    let excluded = mask.map(|mask| touched(mask, colors.size()));
-    let matrix = image_from_output.matrix();
-    let mut output = Image::new(size, [0.0; 4]);
-    output.for_each_row(|row, out| {
-        let start = matrix * DVec3::new(0.5, row as f64 + 0.5, 1.0);
-        for (col, out) in out.iter_mut().enumerate() {
-            let at = start + matrix.x_axis * col as f64;
-            if at.z <= 0.0 {
-                continue;
-            }
-            let at = DVec2::new(at.x / at.z, at.y / at.z);
-            let color = if let Some(pixel) = on_pixel(at, colors.size()) {
-                let free = mask.is_none_or(|mask| mask.at(pixel.0, pixel.1) <= 0.0);
-                free.then(|| colors[pixel])
-            } else {
-                let taps = Taps::at(at, colors.size()).filter(|taps| {
-                    let first = (taps.col, taps.row);
-                    excluded
-                        .as_ref()
-                        .is_none_or(|excluded| excluded[first] == 0)
-                });
-                taps.map(|taps| taps.interpolated(colors))
-            };
-            // a sum is finite only if all of its pixels are
-            if let Some([r, g, b]) = color
-                && (r + g + b).is_finite()
-            {
-                *out = [r, g, b, 1.0];
-            }
-        }
-    });
-    output
+/// A picture prepared for views of it. Pixels that are excluded and those that are not finite are left out.
+pub struct Interpolator {
+    /// Colors, and 1 for pixels that are not excluded.
+    pixels: Image<[f32; 4]>,
+    /// For the first pixel of each kernel: 1 if the inner part of the kernel meets an excluded pixel. `None` if there are none.
+    excluded: Option<Image<u8>>,
 }
 
-/// The pixel whose center lies at a point: cameras that stand still need no kernel, and have no border.
-fn on_pixel(at: DVec2, size: Size) -> Option<(usize, usize)> {
-    let corner = at - DVec2::splat(0.5);
-    let nearest = corner.round();
-    let same = (corner - nearest).abs().max_element() < 0.5 / PHASES as f64;
-    let inside = nearest.x >= 0.0
-        && nearest.y >= 0.0
-        && nearest.x < size.width() as f64
-        && nearest.y < size.height() as f64;
-    (same && inside).then_some((nearest.x as usize, nearest.y as usize))
-}
-
-/// For the first pixel of each kernel: 1 if the inner part of the kernel meets the mask.
-fn touched(mask: &Mask, size: Size) -> Image<u8> {
-    Image::from_fn(size, |col, row| {
-        let inner = (1..TAPS - 1).any(|r| {
-            (1..TAPS - 1).any(|c| {
-                let (col, row) = (col + c, row + r);
-                col < size.width() && row < size.height() && mask.at(col, row) > 0.0
-            })
+impl Interpolator {
+    /// Prepares `colors` without the pixels of `excluded`.
+    pub fn new(colors: &Colors, excluded: Option<&Mask>) -> Self {
+        let is_excluded =
+            |at: (usize, usize)| excluded.is_some_and(|mask| mask.at(at.0, at.1) > 0.0);
+        let mut pixels = Image::new(colors.size(), [0.0; 4]);
+        pixels.for_each_row(|row, out| {
+            for (col, (out, [r, g, b])) in out.iter_mut().zip(colors.row(row)).enumerate() {
+                let share = f32::from(u8::from(!is_excluded((col, row))));
+                *out = [*r, *g, *b, share];
+            }
         });
-        u8::from(inner)
-    })
-}
-
-/// The pixels that the kernel reads.
-struct Taps {
-    col: usize,
-    row: usize,
-    across: &'static [f32; TAPS],
-    down: &'static [f32; TAPS],
-}
-
-impl Taps {
-    /// `None` if the kernel leaves the frame.
-    fn at(at: DVec2, size: Size) -> Option<Self> {
-        let corner = at - DVec2::splat(0.5);
-        let whole = corner.floor();
-        let phase = |fraction: f64| &WEIGHTS[(fraction * PHASES as f64).round() as usize];
-        let first = whole - DVec2::splat(2.0);
-        let last = first + DVec2::splat((TAPS - 1) as f64);
-        let inside = first.x >= 0.0
-            && first.y >= 0.0
-            && last.x < size.width() as f64
-            && last.y < size.height() as f64;
-        inside.then(|| Self {
-            col: first.x as usize,
-            row: first.y as usize,
-            across: phase(corner.x - whole.x),
-            down: phase(corner.y - whole.y),
-        })
+        Self {
+            pixels,
+            excluded: excluded
+                .filter(|mask| !mask.is_empty())
+                .map(|mask| touched(mask, colors.size())),
+        }
     }
 
-    fn interpolated(&self, colors: &Colors) -> [f32; 3] {
-        let mut sums = [0.0f32; 3];
-        for (row, down) in (self.row..).zip(self.down) {
-            let mut line = [0.0f32; 3];
-            let pixels = &colors.row(row)[self.col..self.col + TAPS];
-            for (pixel, across) in pixels.iter().zip(self.across) {
+    /// Colors seen through a map from the output, and 1 where the kernel lies in the picture and meets no pixel that is excluded; 0
+    /// elsewhere.
+    ///
+    /// Nothing is averaged: the map must not reduce the picture by more than a little. A shift by whole pixels keeps colors exactly.
+    pub fn view(&self, image_from_output: &Homography, size: Size) -> Image<[f32; 4]> {
+        let matrix = image_from_output.matrix();
+        let mut output = Image::new(size, [0.0; 4]);
+        output.for_each_row(|row, out| {
+            let start = matrix * DVec3::new(0.5, row as f64 + 0.5, 1.0);
+            for (col, out) in out.iter_mut().enumerate() {
+                let at = start + matrix.x_axis * col as f64;
+                if at.z <= 0.0 {
+                    continue;
+                }
+                let scale = 1.0 / at.z;
+                let color = self.color(at.x * scale, at.y * scale);
+                // a sum is finite only if all of its pixels are
+                if let Some([r, g, b, share]) = color
+                    && share > 0.0
+                    && (r + g + b).is_finite()
+                {
+                    *out = [r, g, b, 1.0];
+                }
+            }
+        });
+        output
+    }
+
+    /// The color at a point, `None` if the kernel leaves the picture or meets an excluded pixel.
+    fn color(&self, x: f64, y: f64) -> Option<[f32; 4]> {
+        let [x, y] = [
+            Position::new(x, self.pixels.width())?,
+            Position::new(y, self.pixels.height())?,
+        ];
+        // cameras that stand still need no kernel, and have no border
+        if let (Some(col), Some(row)) = (x.on_pixel(), y.on_pixel()) {
+            return self.pixels.get(col, row);
+        }
+        let (col, row) = (
+            x.first(self.pixels.width())?,
+            y.first(self.pixels.height())?,
+        );
+        let excluded = self.excluded.as_ref();
+        if excluded.is_some_and(|excluded| excluded[(col, row)] != 0) {
+            return None;
+        }
+        let (across, down) = (&WEIGHTS[x.phase], &WEIGHTS[y.phase]);
+        let mut sums = [0.0f32; 4];
+        for (row, down) in (row..).zip(down) {
+            let mut line = [0.0f32; 4];
+            let pixels: &[[f32; 4]; TAPS] = self.pixels.row(row)[col..].first_chunk()?;
+            for (pixel, across) in pixels.iter().zip(across) {
                 for (sum, value) in line.iter_mut().zip(pixel) {
                     *sum += across * value;
                 }
@@ -146,7 +121,73 @@ impl Taps {
                 *sum += down * value;
             }
         }
-        sums
+        let [r, g, b, _] = sums;
+        Some([r, g, b, 1.0])
+    }
+}
+
+/// For the first pixel of each kernel: 1 if the inner part of the kernel meets the mask.
+fn touched(mask: &Mask, size: Size) -> Image<u8> {
+    let coverage = mask.coverage();
+    let mut across = Image::new(size, 0u8);
+    across.for_each_row(|row, out| {
+        if row >= coverage.height() {
+            return;
+        }
+        let line = coverage.row(row);
+        for offset in 1..TAPS - 1 {
+            for (out, coverage) in out.iter_mut().zip(line.iter().skip(offset)) {
+                *out |= u8::from(*coverage > 0.0);
+            }
+        }
+    });
+    let mut both = Image::new(size, 0u8);
+    both.for_each_row(|row, out| {
+        for row in (row + 1..row + TAPS - 1).take_while(|row| *row < size.height()) {
+            for (out, across) in out.iter_mut().zip(across.row(row)) {
+                *out |= across;
+            }
+        }
+    });
+    both
+}
+
+/// A position along an axis: the pixel whose center is at or before it, and the phase beyond.
+struct Position {
+    whole: isize,
+    phase: usize,
+}
+
+impl Position {
+    /// `None` far outside.
+    fn new(at: f64, length: usize) -> Option<Self> {
+        let corner = at - 0.5;
+        if !(corner > -1.0 && corner < length as f64) {
+            return None;
+        }
+        // a positive number is truncated to the whole one below it
+        let whole = (corner + 1.0) as isize - 1;
+        let fraction = corner - whole as f64;
+        Some(Self {
+            whole,
+            phase: (fraction * PHASES as f64 + 0.5) as usize,
+        })
+    }
+
+    /// The pixel whose center is here, if there is one.
+    fn on_pixel(&self) -> Option<usize> {
+        let whole = match self.phase {
+            0 => self.whole,
+            PHASES => self.whole + 1,
+            _ => return None,
+        };
+        usize::try_from(whole).ok()
+    }
+
+    /// The first pixel of the kernel, if all of it lies in a picture of this length.
+    fn first(&self, length: usize) -> Option<usize> {
+        let first = usize::try_from(self.whole - 2).ok()?;
+        (first + TAPS <= length).then_some(first)
     }
 }
 
@@ -164,7 +205,8 @@ mod tests {
         });
         let map = Homography::from_translation(dvec2(2.3, -1.6)).unwrap();
         let mask = Mask::from_fn(size, |col, row| col == 30 && row == 20);
-        let found = interpolated(&frame, Some(&mask), &map, size);
+        let picture = Interpolator::new(&frame, Some(&mask));
+        let found = picture.view(&map, size);
         let mut count = 0;
         for row in 0..size.height() {
             for col in 0..size.width() {
@@ -182,7 +224,7 @@ mod tests {
         assert_eq!(found[(0, 0)][3], 0.0);
         assert_eq!(found[(28, 22)][3], 0.0);
         assert!(count > 1400, "{count}");
-        let still = interpolated(&frame, Some(&mask), &Homography::IDENTITY, size);
+        let still = picture.view(&Homography::IDENTITY, size);
         assert_eq!(still[(47, 0)], [frame[(47, 0)][0], 0.25, 0.75, 1.0]);
         assert_eq!(
             still

@@ -71,7 +71,7 @@ mod strokes;
 
 pub use enhance::{Enhancement, Tone};
 pub use exposure::Exposure;
-pub use interpolated::interpolated;
+pub use interpolated::Interpolator;
 pub use layer::{Layer, contact_shadow};
 pub use plate::{Plate, PlateModes, PlateSamples, ShotFrame, joined_plate, plate_regions};
 pub use removal::Removal;

@@ -3,7 +3,7 @@
 use super::ShotFrame;
 use crate::VideoEditError;
 use crate::exposure::{Exposure, Pair};
-use crate::interpolated::interpolated;
+use crate::interpolated::Interpolator;
 use glam::DVec2;
 use ravec_planar::Homography;
 use ravec_raster::{Image, Mask, Size};
@@ -35,12 +35,7 @@ impl Geometry {
             });
         }
         let map = self.frame_from_plate(frame);
-        Ok(interpolated(
-            frame.colors,
-            frame.foreground,
-            &map,
-            self.plate,
-        ))
+        Ok(Interpolator::new(frame.colors, frame.foreground).view(&map, self.plate))
     }
 
     /// Pixels of the plate whose center lies in a pixel of a mask of the frame.
