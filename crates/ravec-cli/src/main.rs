@@ -4,22 +4,39 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    give_large_buffers_back();
+    set_allocator(std::env::args_os().nth(1).as_deref());
     ravec_cli::run(std::env::args_os()).into()
 }
 
-/// Lets what buffers from 2 MiB on took go back to the system as soon as they are dropped.
+/// Commands that work on one frame of a clip after the other, and need buffers of the same sizes again for each.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const CLIP_COMMANDS: [&str; 5] = ["matte", "plate", "stabilize", "track", "video"];
+
+/// Lets what buffers from 2 MiB on took go back to the system as soon as they are dropped; commands on clips keep the memory of
+/// buffers up to 32 MiB.
 ///
-/// So it does by itself until one of up to 32 MiB is dropped: from then on the C library keeps such buffers in its heaps, where
-/// smaller ones lie between them. Offsets of a million triangles took 630 MB so, of which 430 were in use. From 16 MiB on they
-/// took up to a quarter more than from 2 MiB on, which costs a hundredth to a thirtieth of the time.
+/// Otherwise the C library returns large buffers until one of up to 32 MiB is dropped: from then on it keeps such buffers in its
+/// heaps, where smaller ones lie between them. Offsets of a million triangles took 630 MB so, of which 430 were in use. From 16 MiB on
+/// they took up to a quarter more than from 2 MiB on, which costs a hundredth to a thirtieth of the time. Frames of clips are another
+/// case: to get their pages again for each frame takes a quarter of the time.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[expect(
     unsafe_code,
     reason = "the settings of the C library have no safe interface"
 )]
-fn give_large_buffers_back() {
+fn set_allocator(command: Option<&std::ffi::OsStr>) {
     const LARGE: libc::c_int = 2 << 20;
+    const LARGEST: libc::c_int = 32 << 20;
+    const KEPT: libc::c_int = 256 << 20;
+    let has_clips =
+        command.is_some_and(|command| CLIP_COMMANDS.iter().any(|name| command == *name));
     // SAFETY: it takes two numbers, and may be called at any time; where it refuses, all stays as it is.
-    unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE) };
+    unsafe {
+        if has_clips {
+            libc::mallopt(libc::M_MMAP_THRESHOLD, LARGEST);
+            libc::mallopt(libc::M_TRIM_THRESHOLD, KEPT);
+        } else {
+            libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE);
+        }
+    }
 }

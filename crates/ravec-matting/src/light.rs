@@ -24,6 +24,13 @@ const DRIFT: f32 = 8.0 / 255.0;
 /// Quantile of differences, and where a normal distribution has it in standard deviations.
 const WIDE_QUANTILE: f32 = 0.85;
 const WIDE_SIGMAS: f32 = 1.44;
+/// Factor of the standard deviation of drift: means over neighbors do not reduce it, as they do noise.
+const DRIFT_WEIGHT: f32 = 3.0;
+/// Quantile of the differences of windows, and where a normal distribution has it in standard deviations.
+const DRIFT_QUANTILE: f32 = 0.7;
+const DRIFT_SIGMAS: f32 = 1.036;
+/// Pixels of a window of drift: three in a row and in a column, each the second one.
+const WINDOW_PIXELS: f32 = 9.0;
 /// Largest variance of a blur, in square pixels, that second derivatives describe.
 const MAX_LINEAR_BLUR: f64 = 0.5;
 /// Fits of a blur that is larger.
@@ -69,14 +76,37 @@ fn derivatives(plate: &Colors, col: usize, row: usize, channel: usize) -> [f32; 
     ]
 }
 
+/// Mean of nine pixels of the window of five by five around one; those beyond the picture are its last ones.
+fn window_mean(image: &Colors, col: usize, row: usize) -> [f32; 3] {
+    let around = |at: usize, length: usize| [at.saturating_sub(2), at, (at + 2).min(length - 1)];
+    let mut sum = [0.0; 3];
+    for row in around(row, image.height()) {
+        let line = image.row(row);
+        for col in around(col, image.width()) {
+            for (sum, value) in sum.iter_mut().zip(line[col]) {
+                *sum += value;
+            }
+        }
+    }
+    sum.map(|sum| sum / WINDOW_PIXELS)
+}
+
 /// A pixel that the fit looks at.
 struct Sample {
     frame: [f32; 3],
     plate: [f32; 3],
     derivatives: [[f32; 5]; 3],
+    /// Means of the frame and of the plate over a window.
+    means: [[f32; 3]; 2],
 }
 
 impl Sample {
+    /// Difference of the means of the window in a light.
+    fn mean_residual(&self, light: &PlateLight, channel: usize) -> f32 {
+        let [frame, plate] = self.means.map(|mean| mean[channel]);
+        frame - light.gain[channel] * plate - light.offset[channel]
+    }
+
     fn residual(&self, light: &PlateLight, channel: usize) -> f32 {
         let shown = light.gain[channel] * self.plate[channel] + light.offset[channel];
         self.frame[channel] - shown - dot(&self.derivatives[channel], &light.derivatives)
@@ -205,6 +235,7 @@ impl PlateLight {
             .ceil() as usize)
             .max(1);
         let mut samples = Vec::new();
+        let images = (frame, plate);
         for row in (step / 2..frame.height()).step_by(step) {
             // every other row starts half a step later, so that no column of a pattern is missed
             let start = if (row / step).is_multiple_of(2) {
@@ -224,10 +255,12 @@ impl PlateLight {
                     continue;
                 }
                 let derivatives = [0, 1, 2].map(|channel| derivatives(plate, col, row, channel));
+                let means = [images.0, images.1].map(|image| window_mean(image, col, row));
                 samples.push(Sample {
                     frame,
                     plate: shown,
                     derivatives,
+                    means,
                 });
             }
         }
@@ -349,7 +382,8 @@ impl PlateLight {
         };
         let sigma = [0, 1, 2].map(|channel| {
             let narrow = spread(&flat, channel).max(MIN_SIGMA);
-            narrow.max(self.wide_sigma(samples, limit, channel, narrow))
+            let wide = narrow.max(self.wide_sigma(samples, limit, channel, narrow));
+            wide.hypot(DRIFT_WEIGHT * self.drift(samples, limit, channel, narrow))
         });
         let mean_gradient = edges
             .iter()
@@ -382,6 +416,25 @@ impl PlateLight {
             return sigma;
         }
         *sizes.select_nth_unstable_by(at, f32::total_cmp).1 / WIDE_SIGMAS
+    }
+
+    /// Standard deviation of what the windows of flat places differ by beyond independent noise: blocks of compression, and light that
+    /// changes in places.
+    fn drift(&self, samples: &[Sample], limit: f32, channel: usize, sigma: f32) -> f32 {
+        let mut sizes: Vec<f32> = samples
+            .iter()
+            .filter(|sample| sample.gradient_squared() <= limit)
+            .map(|sample| sample.mean_residual(self, channel).abs())
+            .filter(|size| *size < DRIFT)
+            .collect();
+        let at = (DRIFT_QUANTILE * sizes.len() as f32) as usize;
+        if at >= sizes.len() {
+            return 0.0;
+        }
+        let size = *sizes.select_nth_unstable_by(at, f32::total_cmp).1 / DRIFT_SIGMAS;
+        (size * size - sigma * sigma / WINDOW_PIXELS)
+            .max(0.0)
+            .sqrt()
     }
 
     /// The plate in this light, and the variance of its difference to the frame relative to that of the noise.

@@ -24,6 +24,8 @@ const POOL_SIGMA_PX: f64 = 2.5;
 const POOL_PULL: f32 = 0.01;
 /// Squared contrast, in units of the noise, at which a pixel counts half in the pooling.
 const POOL_CONTRAST: f32 = 60.0;
+/// Weight of the background in the pooling, beside that of the neighbors.
+const BACKGROUND_WEIGHT: f32 = 0.1;
 /// Variance, in units of that of the noise, above which a pixel counts less in the pooling.
 const SURE_VARIANCE: f32 = 50.0;
 
@@ -241,6 +243,11 @@ fn weighted_ends<S: Simd>(
         for (out, (weight, end)) in out.iter_mut().zip(weight.iter().zip(end)) {
             *out = weight * end;
         }
+    }
+    // where no neighbor is sure, nothing hides the background
+    for (weight, background) in weight.iter_mut().zip(&mut shares[0]) {
+        *weight += BACKGROUND_WEIGHT;
+        *background += BACKGROUND_WEIGHT;
     }
 }
 

@@ -14,8 +14,8 @@ use crate::operation::{Operation, paths};
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::shot::{check_pad, check_plane, check_regions, is_deep};
-use crate::track::follow::Reader;
-use crate::track::rewrite::{Target, rewrite};
+use crate::track::follow::{Reader, Shot};
+use crate::track::rewrite::{Target, rewrite_each};
 use crate::video::{
     Encoding, FrameRange, clip_folders, clip_outputs, folder_or_clip, is_clip, key_of, open_clip,
 };
@@ -163,12 +163,11 @@ struct Figures {
 }
 
 impl Figures {
-    fn add(&mut self, alpha: &Plane) {
-        let alpha = alpha.pixels();
-        let sum: f64 = alpha.iter().map(|alpha| f64::from(*alpha)).sum();
+    /// Adds a frame of this mean alpha.
+    fn add(&mut self, alpha: f64) {
         self.frames += 1;
-        self.empty += u64::from(sum == 0.0);
-        self.alpha += sum / alpha.len() as f64;
+        self.empty += u64::from(alpha == 0.0);
+        self.alpha += alpha;
     }
 
     fn record(&self, report: &mut Report) {
@@ -270,7 +269,7 @@ impl Matte {
         )?;
         let found = mattes.solve(0, &picture.image, &context.progress, context)?;
         let mut figures = Figures::default();
-        figures.add(&found.alpha);
+        figures.add(mean(&found.alpha));
         figures.record(report);
         let made = Picture::from_image(self.drawn(&found, &picture.image));
         files::write(
@@ -302,15 +301,13 @@ impl Matte {
             phase: ("matte", total),
         };
         let mut figures = Figures::default();
-        let rewritten = rewrite(&target, &mut reader, report, context, |shot, done| {
-            if done {
-                return Ok(None);
-            }
+        let solve = |shot: &Shot| {
             let progress = context.progress.silent();
             let found = mattes.solve(shot.index, &shot.image, &progress, context)?;
-            figures.add(&found.alpha);
-            Ok(Some(self.drawn(&found, &shot.image)))
-        })?;
+            Ok((self.drawn(&found, &shot.image), mean(&found.alpha)))
+        };
+        let record = |alpha| figures.add(alpha);
+        let rewritten = rewrite_each(&target, &mut reader, report, context, solve, record)?;
         reader.warn(report);
         figures.record(report);
         // those of an earlier run, too
@@ -337,6 +334,13 @@ impl Matte {
             }
         }
     }
+}
+
+/// The mean of a plane.
+fn mean(alpha: &Plane) -> f64 {
+    let alpha = alpha.pixels();
+    let sum: f64 = alpha.iter().map(|alpha| f64::from(*alpha)).sum();
+    sum / alpha.len() as f64
 }
 
 /// Alpha as gray values.

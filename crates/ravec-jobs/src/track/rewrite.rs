@@ -7,6 +7,7 @@ use crate::report::Report;
 use crate::video::{ClipOutput, Encoding, OutputShape};
 use ravec::raster::{AnyImage, Size};
 use ravec_video::{Frame, FramePicture, FrameSource as _, FrameTime, PixelKind};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// The output of [`rewrite`].
@@ -26,8 +27,13 @@ pub(crate) struct Target<'a> {
     pub phase: (&'static str, Option<u64>),
 }
 
-/// Writes the frames that `reader` gives, whose warnings are left to the caller, each changed by `change`. It gets each frame, and `true` for those that an earlier run
-/// has written: for these it may give none.
+/// Frames that are changed at a time at most, where they do not depend on each other.
+const MAX_AT_ONCE: usize = 4;
+/// Pixels of the frames that are changed at a time at most: two frames of 1920 × 1080.
+const MAX_PIXELS_AT_ONCE: usize = 2 * 1920 * 1088;
+
+/// Writes the frames that `reader` gives, whose warnings are left to the caller, each changed by `change`. It gets each frame, and
+/// `true` for those that an earlier run has written: for these it may give none.
 ///
 /// # Errors
 /// [`JobError::ReadClip`], [`JobError::WriteClip`], [`JobError::Cancelled`], those of `change`.
@@ -38,11 +44,56 @@ pub(crate) fn rewrite(
     context: &Context,
     mut change: impl FnMut(&Shot, bool) -> Result<Option<AnyImage>, JobError> + Send,
 ) -> Result<Rewritten, JobError> {
+    rewrite_batches(target, reader, report, context, 1, |shots, done| {
+        let changed = shots.iter().map(|shot| change(shot, done));
+        changed.collect()
+    })
+}
+
+/// [`rewrite`] for frames that do not depend on each other: some are changed at a time, on all threads. `record` gets what `change`
+/// finds beside the pictures, in the order of the frames. Frames that an earlier run has written are left out.
+///
+/// # Errors
+/// Those of [`rewrite`].
+pub(crate) fn rewrite_each<T: Send>(
+    target: &Target<'_>,
+    reader: &mut Reader<'_>,
+    report: &Report,
+    context: &Context,
+    change: impl Fn(&Shot) -> Result<(AnyImage, T), JobError> + Sync,
+    mut record: impl FnMut(T) + Send,
+) -> Result<Rewritten, JobError> {
+    let pixels = reader.clip().info().size.pixels();
+    let at_once = (MAX_PIXELS_AT_ONCE / pixels)
+        .min(rayon::current_num_threads())
+        .clamp(1, MAX_AT_ONCE);
+    rewrite_batches(target, reader, report, context, at_once, |shots, done| {
+        if done {
+            return Ok(shots.iter().map(|_| None).collect());
+        }
+        let changed: Result<Vec<_>, _> = shots.par_iter().map(&change).collect();
+        let images = changed?.into_iter().map(|(image, found)| {
+            record(found);
+            Some(image)
+        });
+        Ok(images.collect())
+    })
+}
+
+/// Writes the frames that `reader` gives, `at_once` of them changed at a time; frames that an earlier run has written come alone.
+fn rewrite_batches(
+    target: &Target<'_>,
+    reader: &mut Reader<'_>,
+    report: &Report,
+    context: &Context,
+    at_once: usize,
+    mut change: impl FnMut(&[Shot], bool) -> Result<Vec<Option<AnyImage>>, JobError> + Send,
+) -> Result<Rewritten, JobError> {
     report.check_output(target.output)?;
-    let mut current = reader.next()?;
+    let first = reader.next()?;
     let base = reader.clip().info().time_base.to_f64();
     let shape = OutputShape {
-        start_secs: current.as_ref().map_or(0.0, |shot| shot.time.start as f64) * base,
+        start_secs: first.as_ref().map_or(0.0, |shot| shot.time.start as f64) * base,
         end_secs: reader.end_secs(),
         pixels: target.pixels,
         ..OutputShape::all(target.size.unwrap_or(reader.clip().info().size))
@@ -60,28 +111,47 @@ pub(crate) fn rewrite(
     let phase = context.progress.phase(name, frames.unwrap_or(1));
     let resumed = written.resumed_frames();
     let mut count = 0;
-    let mut finished: Option<(FrameTime, Option<AnyImage>)> = None;
+    let mut current: Vec<Shot> = first.into_iter().collect();
+    let mut finished: Vec<(FrameTime, Option<AnyImage>)> = Vec::new();
     loop {
         context.progress.check()?;
-        let last = finished.take();
+        let last = std::mem::take(&mut finished);
         let done = count < resumed;
+        let length = if count + 1 < resumed { 1 } else { at_once };
         let (put, (next, changed)) = rayon::join(
-            || last.map_or(Ok(()), |last| put(&mut written, last, report)),
             || {
-                let Some(shot) = &current else {
-                    return (Ok(None), Ok(None));
-                };
-                rayon::join(|| reader.next(), || change(shot, done))
+                let mut last = last.into_iter();
+                last.try_for_each(|frame| put(&mut written, frame, report))
+            },
+            || {
+                if current.is_empty() {
+                    return (Ok(Vec::new()), Ok(Vec::new()));
+                }
+                rayon::join(|| next_frames(reader, length), || change(&current, done))
             },
         );
         put?;
-        let Some(shot) = current else { break };
-        count += 1;
-        finished = Some((shot.time, changed?));
+        if current.is_empty() {
+            break;
+        }
+        count += current.len() as u64;
+        phase.advance(current.len() as u64);
+        let times = current.iter().map(|shot| shot.time);
+        finished = times.zip(changed?).collect();
         current = next?;
-        phase.advance(1);
     }
     Ok(Rewritten { written, count })
+}
+
+/// The next `length` frames, or those that are left.
+fn next_frames(reader: &mut Reader<'_>, length: usize) -> Result<Vec<Shot>, JobError> {
+    let mut frames = Vec::with_capacity(length);
+    while frames.len() < length
+        && let Some(frame) = reader.next()?
+    {
+        frames.push(frame);
+    }
+    Ok(frames)
 }
 
 /// A clip whose frames are all written. Unless it is finished, there is none.
