@@ -4,13 +4,19 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    set_allocator(std::env::args_os().nth(1).as_deref());
+    set_allocator(std::env::args_os().any(|argument| is_clip_command(&argument)));
     ravec_cli::run(std::env::args_os()).into()
 }
 
 /// Commands that work on one frame of a clip after the other, and need buffers of the same sizes again for each.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const CLIP_COMMANDS: [&str; 5] = ["matte", "plate", "stabilize", "track", "video"];
+
+/// Returns `true` for the name of a command on clips. A file of this name costs memory and nothing else.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn is_clip_command(argument: &std::ffi::OsStr) -> bool {
+    CLIP_COMMANDS.iter().any(|name| argument == *name)
+}
 
 /// Lets what buffers from 2 MiB on took go back to the system as soon as they are dropped; commands on clips keep the memory of
 /// buffers up to 32 MiB.
@@ -24,12 +30,10 @@ const CLIP_COMMANDS: [&str; 5] = ["matte", "plate", "stabilize", "track", "video
     unsafe_code,
     reason = "the settings of the C library have no safe interface"
 )]
-fn set_allocator(command: Option<&std::ffi::OsStr>) {
+fn set_allocator(has_clips: bool) {
     const LARGE: libc::c_int = 2 << 20;
     const LARGEST: libc::c_int = 32 << 20;
     const KEPT: libc::c_int = 256 << 20;
-    let has_clips =
-        command.is_some_and(|command| CLIP_COMMANDS.iter().any(|name| command == *name));
     // SAFETY: it takes two numbers, and may be called at any time; where it refuses, all stays as it is.
     unsafe {
         if has_clips {
