@@ -18,9 +18,14 @@ pub(crate) struct ColorField {
 /// Channels of the entries of a covariance.
 pub(crate) const ENTRIES: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)];
 
-/// Collects `colors` with `weight` over windows of `sigma_px` at half the size.
-pub(crate) fn color_field(colors: &[Plane; 3], weight: &Plane, sigma_px: f64) -> ColorField {
-    let sums = halved_of(weight.size(), |row, lines| {
+/// Collects `colors` with `weight`, times `share` at half the size, over windows of `sigma_px` at half the size.
+pub(crate) fn color_field(
+    colors: &[Plane; 3],
+    weight: &Plane,
+    share: Option<&Plane>,
+    sigma_px: f64,
+) -> ColorField {
+    let mut sums = halved_of(weight.size(), |row, lines| {
         let weight = weight.row(row);
         // most rows of a large picture have no weight
         if weight.iter().all(|weight| *weight == 0.0) {
@@ -32,6 +37,13 @@ pub(crate) fn color_field(colors: &[Plane; 3], weight: &Plane, sigma_px: f64) ->
         let colors = colors.each_ref().map(|plane| plane.row(row));
         dispatch!(Vectors::new(), simd => weighted(simd, weight, colors, lines));
     });
+    if let Some(share) = share {
+        for sum in &mut sums {
+            for (sum, share) in sum.pixels_mut().iter_mut().zip(share.pixels()) {
+                *sum *= share;
+            }
+        }
+    }
     let [weight, sums @ ..] = sums;
     let [m0, m1, m2, xx, yy, zz, xy, xz, yz] = spread(&weight, sums, sigma_px, PULL);
     let mean = [m0, m1, m2];

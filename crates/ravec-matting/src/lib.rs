@@ -60,6 +60,7 @@ mod speckles;
 mod still;
 mod symmetric;
 mod texture;
+mod window;
 
 pub use light::PlateLight;
 pub use matte::{Colors, Constraint, Constraints, Matte, MattingError};

@@ -10,6 +10,7 @@ use crate::posterior::{Evidence, Likelihood, Prior};
 use crate::shadow::{Shadows, shadow_factor};
 use crate::speckles::clear_specks;
 use crate::texture::{TextureCue, texture_cue};
+use crate::window::largest_within;
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_progress::Progress;
 use ravec_raster::{Plane, Rect};
@@ -96,12 +97,13 @@ impl Region {
             .variance
             .map(|variance| f32::from(u8::from(variance <= 0.5 * UNKNOWN_VARIANCE)));
         let cue = texture_cue(&self.frame, &self.plate, &is_known);
+        let opacity = cue.opacity();
         let mut likelihood = Likelihood::new(self.variance.size());
         let mut found = self.start.clone();
         let mut field = None;
         for sigma_px in FIELD_SIGMA_PX {
             progress.check()?;
-            let next = self.foreground_field(&found, sigma_px);
+            let next = self.foreground_field(&found, &opacity, sigma_px);
             let evidence = self.evidence(&next, &cue);
             likelihood.update(&evidence);
             let prior = self.pooled(&likelihood);
@@ -168,15 +170,15 @@ impl Region {
         }
     }
 
-    /// Colors of the frame where alpha is almost 1.
-    fn foreground_field(&self, alpha: &Plane, sigma_px: f64) -> ColorField {
+    /// Colors of the frame where alpha is almost 1, and the texture of the plate hidden.
+    fn foreground_field(&self, alpha: &Plane, opacity: &Plane, sigma_px: f64) -> ColorField {
         let weight = alpha.map(|alpha| {
             let squared = alpha * alpha;
             let fourth = squared * squared;
             let tenth = fourth * fourth * squared;
             if tenth < 1e-4 { 0.0 } else { tenth }
         });
-        color_field(&self.frame, &weight, sigma_px)
+        color_field(&self.frame, &weight, Some(opacity), sigma_px)
     }
 
     /// Shares of both ends from the neighbors that are sure, each with its contrast as weight.
@@ -263,30 +265,4 @@ fn start_of(chi_squared: &Plane, smooth: &Plane) -> Plane {
         *start = if is_certain { share } else { 0.0 };
     }
     start
-}
-
-/// Largest value of each square window.
-fn largest_within(plane: &Plane, radius: usize) -> Plane {
-    let mut across = plane.clone();
-    across.for_each_row(|row, out| {
-        let line = plane.row(row);
-        for offset in 1..=radius.min(line.len()) {
-            raise(&mut out[offset..], line);
-            raise(out, &line[offset..]);
-        }
-    });
-    let mut both = across.clone();
-    both.for_each_row(|row, out| {
-        for other in row.saturating_sub(radius)..(row + radius + 1).min(plane.height()) {
-            raise(out, across.row(other));
-        }
-    });
-    both
-}
-
-/// Raises values to those of a line.
-fn raise(values: &mut [f32], line: &[f32]) {
-    for (value, other) in values.iter_mut().zip(line) {
-        *value = if *other > *value { *other } else { *value };
-    }
 }

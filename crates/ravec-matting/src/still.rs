@@ -149,8 +149,8 @@ impl Sides {
     fn from_marked(planes: &[Plane; 3], alpha: &Plane) -> Self {
         let of = |value: f32| alpha.map(|alpha| if alpha == value { 1.0 } else { 0.0 });
         Self {
-            foreground: color_field(planes, &of(1.0), MARKED_SIGMA_PX),
-            background: color_field(planes, &of(0.0), MARKED_SIGMA_PX),
+            foreground: color_field(planes, &of(1.0), None, MARKED_SIGMA_PX),
+            background: color_field(planes, &of(0.0), None, MARKED_SIGMA_PX),
         }
     }
 
@@ -174,8 +174,8 @@ impl Sides {
         let foreground = samples(alpha);
         let background = samples(&alpha.map(|alpha| 1.0 - alpha));
         Self {
-            foreground: color_field(planes, &foreground, REFINED_SIGMA_PX),
-            background: color_field(planes, &background, REFINED_SIGMA_PX),
+            foreground: color_field(planes, &foreground, None, REFINED_SIGMA_PX),
+            background: color_field(planes, &background, None, REFINED_SIGMA_PX),
         }
     }
 

@@ -1,6 +1,8 @@
 //! Texture of the plate as a cue: foreground hides it, even where the colors agree.
 
+use crate::approximate::exp;
 use crate::half::{halved_of, rows_of};
+use crate::window::largest_within;
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_raster::{Plane, gaussian_blur};
 use rayon::prelude::*;
@@ -13,7 +15,9 @@ const WINDOW_PX: f32 = 113.0;
 const UNEVEN: f32 = 4.0;
 /// Variance of a cue that has seen a perfect fit: windows are larger than details.
 const MIN_VARIANCE: f32 = 0.12;
-
+/// Variance of what the fit leaves from which alpha counts as uneven within a window, and the least share of [`MIN_VARIANCE`] below.
+const UNEVEN_RESIDUAL: f32 = 12.0;
+const MIN_UNEVEN: f32 = 0.05;
 /// Variance of a cue for each unit of one over the variance of the texture: compression removes what is as weak as the noise, as
 /// foreground would.
 const WEAK: f32 = 1.0;
@@ -57,6 +61,33 @@ pub(crate) fn texture_cue(frame: &[Plane; 3], plate: &[Plane; 3], is_known: &Pla
         }
     }
     TextureCue { alpha, precision }
+}
+
+/// Precision from which a cue says that the texture shines through.
+const SURE_PRECISION: f32 = 8.0;
+/// Radius around a veil, in pixels of half the size, in which windows may contain some of it.
+const VEIL_RADIUS: usize = 4;
+
+impl TextureCue {
+    /// Share of opaque foreground by the cue, at half the size: 0 where the texture of the plate shines through, and around veils, at
+    /// whose borders no window has one alpha.
+    pub fn opacity(&self) -> Plane {
+        let mut opacity = self.alpha.clone();
+        let mut veil = self.alpha.clone();
+        let cues = self.alpha.pixels().iter().zip(self.precision.pixels());
+        let outputs = opacity.pixels_mut().iter_mut().zip(veil.pixels_mut());
+        for ((opacity, veil), (alpha, precision)) in outputs.zip(cues) {
+            let sure = (precision - SURE_PRECISION).max(0.0);
+            let likelihood = |off: f32| exp(-0.5 * sure * off * off);
+            *opacity = likelihood(1.0 - alpha);
+            *veil = (1.0 - *opacity) * (1.0 - likelihood(*alpha));
+        }
+        let veil = largest_within(&veil, VEIL_RADIUS);
+        for (opacity, veil) in opacity.pixels_mut().iter_mut().zip(veil.pixels()) {
+            *opacity *= 1.0 - veil;
+        }
+        opacity
+    }
 }
 
 /// Quantities whose means describe a window: the products frame · plate, plate · plate and frame · frame, summed over the channels,
@@ -107,7 +138,8 @@ fn slopes<S: Simd>(
         let residual = (total - slope * covariance).max(3.0) / 3.0;
         *alpha = (1.0 - slope).clamp(0.0, 1.0);
         let noise = UNEVEN * residual / WINDOW_PX + WEAK;
-        let spread = noise / variance.max(1e-6) + MIN_VARIANCE;
+        let uneven = (residual / UNEVEN_RESIDUAL).clamp(MIN_UNEVEN, 1.0);
+        let spread = noise / variance.max(1e-6) + MIN_VARIANCE * uneven;
         *precision = 1.0 / spread;
     }
 }

@@ -104,6 +104,51 @@ fn alpha_and_colors_are_those_of_the_scene() {
 }
 
 #[test]
+fn texture_that_shines_through_a_veil_gives_its_alpha() {
+    let size = Size::new(200, 120).unwrap();
+    let plate = plate(size);
+    // opaque on the left, and a veil of half alpha beside it
+    let truth = Plane::from_fn(size, |col, row| match col {
+        _ if !(20..100).contains(&row) => 0.0,
+        40..90 => 1.0,
+        90..150 => 0.5,
+        _ => 0.0,
+    });
+    let found = solve(&PlateFrame::new(&composite(&plate, &truth), &plate));
+    let mean = |cols: std::ops::Range<usize>| {
+        let count = (cols.len() * 60) as f32;
+        let values = (30..90).flat_map(|row| cols.clone().map(move |col| (col, row)));
+        values.map(|at| found.matte.alpha[at]).sum::<f32>() / count
+    };
+    assert!(mean(50..80) > 0.98, "{}", mean(50..80));
+    assert!((mean(100..140) - 0.5).abs() < 0.06, "{}", mean(100..140));
+}
+
+#[test]
+fn drift_of_whole_blocks_is_no_foreground() {
+    let size = Size::new(240, 160).unwrap();
+    let plate = plate(size);
+    let truth = disc(size);
+    let drifted = |frame: &Colors| {
+        Image::from_fn(size, |col, row| {
+            let step = 0.016 * noise((row / 8 * 100 + col / 8) as u32);
+            frame[(col, row)].map(|value| value + step)
+        })
+    };
+    let nothing = Plane::new(size, 0.0);
+    let empty = drifted(&composite(&plate, &nothing));
+    let found = solve(&PlateFrame::new(&empty, &plate));
+    assert!(found.matte.alpha.pixels().iter().all(|alpha| *alpha == 0.0));
+    let found = solve(&PlateFrame::new(
+        &drifted(&composite(&plate, &truth)),
+        &plate,
+    ));
+    let pairs = found.matte.alpha.pixels().iter().zip(truth.pixels());
+    let error = pairs.map(|(a, b)| (a - b).abs()).sum::<f32>() / size.pixels() as f32;
+    assert!(error < 0.01, "{error}");
+}
+
+#[test]
 fn a_frame_without_foreground_has_an_empty_matte() {
     let size = Size::new(120, 90).unwrap();
     let plate = plate(size);
