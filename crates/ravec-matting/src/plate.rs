@@ -7,7 +7,8 @@
 //! 2. *Detection* (`detect`): the normalized squared difference χ² is large where there is foreground. All that follows is done in
 //!    rectangles around it (`region`), so that its cost grows with the foreground.
 //! 3. *Texture cue* (`texture`): foreground hides the texture of the plate, even where colors agree.
-//! 4. *Foreground field* (`field`): mean and covariance of the foreground's colors from what is certain nearby.
+//! 4. *Foreground field* (`field`): mean and covariance of the foreground's colors from what is certain nearby, but for veils through
+//!    which the texture shines.
 //! 5. *Likelihood* (`posterior`) of nine values of alpha under noise and covariance.
 //! 6. *Pooling*: certain neighbors give ambiguous pixels a prior.
 //! 7. Alpha between median and mean of the posterior. Steps 4 to 7 are done once more with it, and specks are cleared

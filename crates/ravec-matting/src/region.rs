@@ -97,7 +97,7 @@ impl Region {
             .variance
             .map(|variance| f32::from(u8::from(variance <= 0.5 * UNKNOWN_VARIANCE)));
         let cue = texture_cue(&self.frame, &self.plate, &is_known);
-        let opacity = cue.opacity();
+        let opacity = self.opacity(input, &cue);
         let mut likelihood = Likelihood::new(self.variance.size());
         let mut found = self.start.clone();
         let mut field = None;
@@ -158,6 +158,22 @@ impl Region {
                 }
             }
         }
+    }
+
+    /// Share of opaque foreground by the cue, at half the size. Strokes of foreground are opaque.
+    fn opacity(&self, input: &PlateFrame<'_>, cue: &TextureCue) -> Plane {
+        let mut opacity = cue.opacity();
+        if input.strokes.is_some() {
+            for row in 0..self.rect.height {
+                for col in 0..self.rect.width {
+                    let stroke = input.stroke(self.rect.col + col, self.rect.row + row);
+                    if stroke == Constraint::Foreground {
+                        opacity[(col / 2, row / 2)] = 1.0;
+                    }
+                }
+            }
+        }
+        opacity
     }
 
     fn evidence<'a>(&'a self, field: &'a ColorField, cue: &'a TextureCue) -> Evidence<'a> {
