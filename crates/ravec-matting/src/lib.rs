@@ -40,9 +40,10 @@
 //! # Not guaranteed
 //!
 //! - Alpha where foreground has the colors of the plate and neither has texture: strokes help.
-//! - Shadows are foreground.
+//! - Shadows are foreground unless [`Shadows`] says otherwise.
+//! - Foreground that differs from the plate by as little as compression does is taken for noise.
 //! - A shift of the plate above about a pixel is not found: align the plate first.
-//!
+
 mod approximate;
 mod detect;
 mod field;
