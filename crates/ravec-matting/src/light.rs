@@ -145,7 +145,7 @@ impl ChannelSums {
         for (a, (line, right)) in equations.enumerate().take(N) {
             let weighted = f64::from(weight) * row[a];
             *right += weighted * f64::from(value);
-            for (sum, value) in line.iter_mut().zip(&row).take(N).skip(a) {
+            for (sum, value) in line[a..N].iter_mut().zip(&row[a..N]) {
                 *sum += weighted * value;
             }
         }

@@ -182,27 +182,36 @@ fn between_median_and_mean<S: Simd>(
         let mut sum = [0.0f32; LANES];
         let mut mean = [0.0f32; LANES];
         // the level in which half of the total is reached, the sum before it and its part
-        let mut median = [[0.0f32; LANES]; 3];
+        let mut middle = [0.0f32; LANES];
+        let mut before_middle = [0.0f32; LANES];
+        let mut part = [0.0f32; LANES];
         for (level, chances) in chances.iter().enumerate() {
             for lane in 0..LANES {
                 let (before, chance) = (sum[lane], chances[lane]);
                 mean[lane] += chance * level as f32;
                 sum[lane] += chance;
                 let half = 0.5 * total[lane];
-                let is_here = before < half && sum[lane] >= half;
-                let here = [level as f32, before, chance];
-                for (median, here) in median.iter_mut().zip(here) {
-                    median[lane] = if is_here { here } else { median[lane] };
-                }
+                let is_middle = (before < half) & (sum[lane] >= half);
+                middle[lane] = if is_middle {
+                    level as f32
+                } else {
+                    middle[lane]
+                };
+                before_middle[lane] = if is_middle {
+                    before
+                } else {
+                    before_middle[lane]
+                };
+                part[lane] = if is_middle { chance } else { part[lane] };
             }
         }
         let mut found = [0.0f32; LANES];
         for lane in 0..LANES {
             let total = total[lane].max(1e-30);
-            let [level, before, chance] = [median[0][lane], median[1][lane], median[2][lane]];
+            let level = middle[lane];
             // the ends are values of their own, those between stand for a range
-            let within = (0.5 * total - before) / chance.max(1e-12 * total) - 0.5;
-            let is_end = level == 0.0 || level == (LEVELS - 1) as f32;
+            let within = (0.5 * total - before_middle[lane]) / part[lane].max(1e-12 * total) - 0.5;
+            let is_end = (level == 0.0) | (level == (LEVELS - 1) as f32);
             let median = level + if is_end { 0.0 } else { within };
             let mean = mean[lane] / total;
             let mixed = MEDIAN_SHARE * median + (1.0 - MEDIAN_SHARE) * mean;
