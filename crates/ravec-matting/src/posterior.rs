@@ -191,7 +191,7 @@ fn between_median_and_mean<S: Simd>(
                 mean[lane] += chance * level as f32;
                 sum[lane] += chance;
                 let half = 0.5 * total[lane];
-                let is_middle = (before < half) & (sum[lane] >= half);
+                let is_middle = before < half && sum[lane] >= half;
                 middle[lane] = if is_middle {
                     level as f32
                 } else {
@@ -211,7 +211,7 @@ fn between_median_and_mean<S: Simd>(
             let level = middle[lane];
             // the ends are values of their own, those between stand for a range
             let within = (0.5 * total - before_middle[lane]) / part[lane].max(1e-12 * total) - 0.5;
-            let is_end = (level == 0.0) | (level == (LEVELS - 1) as f32);
+            let is_end = level == 0.0 || level == (LEVELS - 1) as f32;
             let median = level + if is_end { 0.0 } else { within };
             let mean = mean[lane] / total;
             let mixed = MEDIAN_SHARE * median + (1.0 - MEDIAN_SHARE) * mean;
