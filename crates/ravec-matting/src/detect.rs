@@ -1,4 +1,4 @@
-//! Where a frame differs from its plate, and the rectangles around it in which there may be foreground.
+//! Detection of foreground: the squared difference of a frame to its plate, and bounding rectangles of what is significant.
 
 use crate::light::PlateLight;
 use crate::matte::{Colors, Constraint, Constraints};
@@ -21,11 +21,13 @@ const MIN_SUSPECTS: usize = 14;
 
 /// The squared difference of a frame to its plate, in units of its variance: χ² of three channels.
 pub(crate) struct Difference {
+    /// χ² of each pixel.
     pub chi_squared: Plane,
+    /// χ², blurred by one pixel.
     pub smooth: Plane,
 }
 
-/// What a cell contains.
+/// Statistics of a cell.
 #[derive(Clone, Copy, Default)]
 struct Cell {
     suspects: usize,

@@ -235,7 +235,6 @@ impl PlateLight {
             .ceil() as usize)
             .max(1);
         let mut samples = Vec::new();
-        let images = (frame, plate);
         for row in (step / 2..frame.height()).step_by(step) {
             // every other row starts half a step later, so that no column of a pattern is missed
             let start = if (row / step).is_multiple_of(2) {
@@ -244,21 +243,21 @@ impl PlateLight {
                 0
             };
             for col in (start..frame.width()).step_by(step) {
-                let (frame, shown) = (frame[(col, row)], plate[(col, row)]);
-                let clipped = frame
+                let (color, behind) = (frame[(col, row)], plate[(col, row)]);
+                let clipped = color
                     .iter()
                     .any(|value| *value >= 0.99 || !value.is_finite());
-                if clipped || !shown.iter().all(|value| value.is_finite()) {
+                if clipped || !behind.iter().all(|value| value.is_finite()) {
                     continue;
                 }
                 if usable.is_some_and(|usable| !usable(col, row)) {
                     continue;
                 }
                 let derivatives = [0, 1, 2].map(|channel| derivatives(plate, col, row, channel));
-                let means = [images.0, images.1].map(|image| window_mean(image, col, row));
+                let means = [frame, plate].map(|image| window_mean(image, col, row));
                 samples.push(Sample {
-                    frame,
-                    plate: shown,
+                    frame: color,
+                    plate: behind,
                     derivatives,
                     means,
                 });
@@ -477,13 +476,13 @@ impl PlateLight {
         (lit, variance)
     }
 
-    /// Colors of a rectangle in units of the noise; 0 where they are not finite.
-    ///
-    /// # Panics
-    /// If the rectangle is empty or leaves the picture.
-    pub(crate) fn whitened(&self, colors: &Colors, rect: Rect) -> [Plane; 3] {
-        let size = rect.size().expect("a rectangle of a picture");
-        [0, 1, 2].map(|channel| {
+    /// Colors of a rectangle in units of the noise; 0 where they are not finite. `None` if the rectangle is empty or leaves the
+    /// picture.
+    pub(crate) fn whitened(&self, colors: &Colors, rect: Rect) -> Option<[Plane; 3]> {
+        let size = rect
+            .size()
+            .filter(|_| rect.clipped(colors.size()) == rect)?;
+        Some([0, 1, 2].map(|channel| {
             let scale = 1.0 / self.sigma[channel];
             let mut plane = Plane::new(size, 0.0);
             plane.for_each_row(|row, out| {
@@ -498,7 +497,7 @@ impl PlateLight {
                 }
             });
             plane
-        })
+        }))
     }
 }
 

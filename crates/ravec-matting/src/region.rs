@@ -53,8 +53,8 @@ impl Region {
     ) -> Option<Self> {
         let size = rect.size()?;
         let variance = variance.crop(rect.col, rect.row, size).ok()?;
-        let frame = light.whitened(input.frame, rect);
-        let mut plate = light.whitened(background, rect);
+        let frame = light.whitened(input.frame, rect)?;
+        let mut plate = light.whitened(background, rect)?;
         // what is not known differs from nothing
         for (plate, frame) in plate.iter_mut().zip(&frame) {
             let pixels = plate.pixels_mut().iter_mut().zip(frame.pixels());
@@ -68,16 +68,15 @@ impl Region {
         }
         let chi_squared = difference.chi_squared.crop(rect.col, rect.row, size).ok()?;
         let smooth = difference.smooth.crop(rect.col, rect.row, size).ok()?;
-        let region = Self {
+        let mut start = start_of(&chi_squared, &smooth);
+        hold(rect, input, &mut start);
+        Some(Self {
             rect,
             frame,
             plate,
             variance,
-            start: start_of(&chi_squared, &smooth),
-        };
-        let mut start = region.start.clone();
-        region.hold(input, &mut start);
-        Some(Self { start, ..region })
+            start,
+        })
     }
 
     /// Solves for alpha and foreground, and writes them into those of the frame.
@@ -108,7 +107,7 @@ impl Region {
             likelihood.update(&evidence);
             let prior = self.pooled(&likelihood);
             found = likelihood.alpha(&prior);
-            self.hold(input, &mut found);
+            hold(self.rect, input, &mut found);
             field = Some(next);
         }
         let Some(field) = field else { return Ok(()) };
@@ -213,18 +212,19 @@ impl Region {
             foreground,
         }
     }
+}
 
-    fn hold(&self, input: &PlateFrame<'_>, alpha: &mut Plane) {
-        if input.strokes.is_none() {
-            return;
-        }
-        for row in 0..self.rect.height {
-            for col in 0..self.rect.width {
-                match input.stroke(self.rect.col + col, self.rect.row + row) {
-                    Constraint::Unknown => {}
-                    Constraint::Background => alpha[(col, row)] = 0.0,
-                    Constraint::Foreground => alpha[(col, row)] = 1.0,
-                }
+/// Sets alpha of a rectangle to what strokes say.
+fn hold(rect: Rect, input: &PlateFrame<'_>, alpha: &mut Plane) {
+    if input.strokes.is_none() {
+        return;
+    }
+    for row in 0..rect.height {
+        for col in 0..rect.width {
+            match input.stroke(rect.col + col, rect.row + row) {
+                Constraint::Unknown => {}
+                Constraint::Background => alpha[(col, row)] = 0.0,
+                Constraint::Foreground => alpha[(col, row)] = 1.0,
             }
         }
     }

@@ -14,12 +14,13 @@
 
 use crate::field::{ColorField, color_field};
 use crate::half::doubled;
-use crate::laplacian::{DataTerm, Unknowns};
+use crate::laplacian::{DataTerm, Span, Unknowns};
 use crate::levels::Levels;
 use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
 use crate::mixture::ModelRow;
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane};
+use std::ops::Range;
 
 /// Noise of a picture: that of good photographs, which the steps of 8 bits set a floor for.
 const NOISE: f32 = 1.0 / 255.0;
@@ -179,6 +180,22 @@ impl Sides {
         }
     }
 
+    /// Sets the models of the row of a span, and gives its columns and its colors.
+    fn span<'a>(
+        &self,
+        models: &mut ModelRow,
+        span: Span,
+        planes: &'a [Plane; 3],
+    ) -> (Range<usize>, [&'a [f32]; 3]) {
+        let fields = [&self.foreground, &self.background];
+        models.fill(fields, span.row, planes[0].width());
+        let cols = span.col..span.col + span.len;
+        let colors = planes
+            .each_ref()
+            .map(|plane| &plane.row(span.row)[cols.clone()]);
+        (cols, colors)
+    }
+
     /// Mean and variance of alpha of the unknown pixels.
     fn estimates(&self, planes: &[Plane; 3], unknowns: &Unknowns) -> Estimates {
         // for each span all means and then all variances
@@ -188,15 +205,7 @@ impl Sides {
             2,
             ModelRow::default,
             |models, span, moments| {
-                models.fill(
-                    [&self.foreground, &self.background],
-                    span.row,
-                    planes[0].width(),
-                );
-                let cols = span.col..span.col + span.len;
-                let colors = planes
-                    .each_ref()
-                    .map(|plane| &plane.row(span.row)[cols.clone()]);
+                let (cols, colors) = self.span(models, span, planes);
                 let (mean, variance) = moments.split_at_mut(span.len);
                 models.estimate(cols, colors, mean, variance);
             },
@@ -241,15 +250,7 @@ impl Sides {
         // for each span the channels of the foreground, and those of the background
         let mut pairs = vec![0.0f32; 6 * unknowns.len()];
         unknowns.for_spans(&mut pairs, 6, ModelRow::default, |models, span, pairs| {
-            models.fill(
-                [&self.foreground, &self.background],
-                span.row,
-                planes[0].width(),
-            );
-            let cols = span.col..span.col + span.len;
-            let colors = planes
-                .each_ref()
-                .map(|plane| &plane.row(span.row)[cols.clone()]);
+            let (cols, colors) = self.span(models, span, planes);
             models.split(cols.clone(), colors, &alpha.row(span.row)[cols], pairs);
         });
         for span in unknowns.spans() {
