@@ -96,6 +96,8 @@ class Plate(NamedTuple):
     seen: Picture
     #: White where all frames agree.
     certainty: Picture
+    #: The report: figures and warnings.
+    report: dict[str, Any]
 
 
 TrackLike = Track | PathLike | None
@@ -282,6 +284,8 @@ class Clip:
     ) -> Plate:
         """The background, from what is seen of it in all frames.
 
+        A camera that seems to move, without a track, is a warning in the report.
+
         :param track: a track of the background; by default the camera stands still
         :param pad: pixels by which the plate is larger than a frame on each side
         :param quad: a rectangle on the plane: what is invented follows its perspective
@@ -300,7 +304,8 @@ class Clip:
                 "pixel_centers": pixel_centers,
             }
             outcome = self._run("plate", fields, params, None, progress)
-        return Plate(*(picture(outcome.picture(name)) for name in ("@plate", "@seen", "@certainty")))
+        made, seen, certainty = (picture(outcome.picture(name)) for name in ("@plate", "@seen", "@certainty"))
+        return Plate(made, seen, certainty, report_of(outcome))
 
     def matte(
         self,

@@ -72,6 +72,7 @@ def test_a_disc_is_cut_out_removed_and_pasted(wall: NDArray[np.uint8], tmp_path:
     assert plate.picture.shape[:2] == (HEIGHT + 16, WIDTH + 16)
     assert plate.seen.shape[:2] == plate.certainty.shape[:2] == plate.picture.shape[:2]
     assert plate.seen[60, 80].max() == 255
+    assert plate.report["figures"]["agreeing_percent"] > 80 and not plate.report["warnings"]
     alpha = clip.matte(tmp_path / "alpha_%02d.png", plate.picture, track=track, pad=8)
     matte = np.asarray(Image.open(tmp_path / "alpha_05.png").convert("L"))
     row, col = np.mgrid[:HEIGHT, :WIDTH]

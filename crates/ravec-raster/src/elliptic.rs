@@ -5,6 +5,8 @@
 //! two pixels it is interpolated linearly.
 
 use crate::average::Average;
+use crate::chunks::for_each_chunk;
+use crate::filter::{STRIP_ROWS, pad, sum_weighed};
 use crate::image::Image;
 
 /// Variance below which a sampled gaussian is too coarse; three taps have it exactly.
@@ -164,27 +166,37 @@ fn weighed<P: Average>(image: &Image<P>, taps: &[Tap]) -> Image<P> {
         return image.clone();
     }
     let (width, height) = (image.width(), image.height());
+    let reach = |steps: fn(&Tap) -> isize| {
+        let steps = taps.iter().map(|tap| steps(tap).unsigned_abs());
+        steps.max().unwrap_or(0)
+    };
+    // farther away the border goes on
+    let cols = reach(|tap| tap.col).min(width);
+    let rows = reach(|tap| tap.row);
+    let row_len = width * P::CHANNELS;
     let mut result = Image::new(image.size(), P::ZERO);
-    result.for_each_row(|row, out| {
-        for tap in taps {
-            let line = image.row(row.saturating_add_signed(tap.row).min(height - 1));
-            // columns whose tap lies in the image
-            let start = tap.col.min(0).unsigned_abs().min(width);
-            let end = width
-                .saturating_sub(tap.col.max(0).unsigned_abs())
-                .max(start);
-            let (first, last) = (line[0], line[width - 1]);
-            for out in &mut out[..start] {
-                *out = out.plus(tap.weight, first);
-            }
-            for out in &mut out[end..] {
-                *out = out.plus(tap.weight, last);
-            }
-            let inner = &line[start.saturating_add_signed(tap.col).min(width)..];
-            let out = P::numbers_mut(&mut out[start..end]);
-            for (out, value) in out.iter_mut().zip(P::numbers(inner)) {
-                *out += tap.weight * value;
-            }
+    let strip_rows = STRIP_ROWS.max(4 * rows);
+    for_each_chunk(result.pixels_mut(), width * strip_rows, |first, pixels| {
+        let first = first / width;
+        let above = first.saturating_sub(rows);
+        let below = (first + pixels.len() / width + rows).min(height);
+        let padded = |row: usize| {
+            let mut padded = Vec::with_capacity((width + 2 * cols) * P::CHANNELS);
+            pad(image.row(row), cols, &mut padded);
+            padded
+        };
+        let lines: Vec<Vec<f32>> = (above..below).map(padded).collect();
+        for (out, row) in P::numbers_mut(pixels)
+            .chunks_exact_mut(row_len)
+            .zip(first..)
+        {
+            let shifted = taps.iter().map(|tap| {
+                let row = row.saturating_add_signed(tap.row).clamp(above, below - 1);
+                let step = tap.col.clamp(-(cols as isize), cols as isize);
+                let start = cols.saturating_add_signed(step) * P::CHANNELS;
+                (tap.weight, &lines[row - above][start..][..row_len])
+            });
+            sum_weighed(out, &shifted.collect::<Vec<_>>());
         }
     });
     result

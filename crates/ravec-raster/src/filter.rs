@@ -23,7 +23,7 @@ use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// Rows of a strip that are not kernel overlap. Smaller repeats more of the horizontal pass, larger leaves the cache.
-const STRIP_ROWS: usize = 64;
+pub(crate) const STRIP_ROWS: usize = 64;
 
 /// Neighboring sums that are kept in registers: two to eight vectors, by the machine.
 const LANES: usize = 32;
@@ -149,6 +149,43 @@ fn weigh_lanes(start: usize, kernel: &[f32], taps: &[(&[f32], &[f32])]) -> [f32;
         let (before, after) = (&before[start..start + LANES], &after[start..start + LANES]);
         for ((sum, a), b) in sums.iter_mut().zip(before).zip(after) {
             *sum += weight * (a + b);
+        }
+    }
+    sums
+}
+
+/// `out[i] = Σ weight · row[i]` over rows as long as `out`, each with its weight.
+pub(crate) fn sum_weighed(out: &mut [f32], rows: &[(f32, &[f32])]) {
+    dispatch!(Level::new(), simd => sum_weighed_on(simd, out, rows));
+}
+
+#[inline(always)]
+fn sum_weighed_on<S: Simd>(_simd: S, out: &mut [f32], rows: &[(f32, &[f32])]) {
+    let (chunks, rest) = out.as_chunks_mut::<LANES>();
+    for (index, chunk) in chunks.iter_mut().enumerate() {
+        *chunk = sum_weighed_lanes(index * LANES, rows);
+    }
+    if rest.is_empty() {
+        return;
+    }
+    // the last lanes of a row, some of them once more
+    let count = out.len();
+    if let Some(last) = out.last_chunk_mut::<LANES>() {
+        *last = sum_weighed_lanes(count - LANES, rows);
+        return;
+    }
+    for (at, value) in out.iter_mut().enumerate() {
+        *value = rows.iter().map(|(weight, row)| weight * row[at]).sum();
+    }
+}
+
+/// The sums of [`LANES`] neighbors from `start`.
+#[inline(always)]
+fn sum_weighed_lanes(start: usize, rows: &[(f32, &[f32])]) -> [f32; LANES] {
+    let mut sums = [0.0f32; LANES];
+    for (weight, row) in rows {
+        for (sum, value) in sums.iter_mut().zip(&row[start..start + LANES]) {
+            *sum += weight * value;
         }
     }
     sums

@@ -57,8 +57,8 @@ pub(crate) enum AnalysisState {
     Waiting,
     /// It runs: the phase, and its share that is done.
     Running(&'static str, f64),
-    /// It has a result.
-    Done,
+    /// It has a result, with these warnings.
+    Done(Vec<String>),
     /// It has none, for this reason.
     Failed(String),
 }
@@ -355,9 +355,10 @@ fn go_through(
         let outputs = outputs_of(edit);
         match outcome {
             Outcome::Known => continue,
-            Outcome::Found(found) => {
+            Outcome::Found(found, warnings) => {
                 results.extend(outputs.zip(found));
-                state.states.insert(edit.id, AnalysisState::Done);
+                let done = AnalysisState::Done(warnings);
+                state.states.insert(edit.id, done);
             }
             Outcome::Waits => {
                 outputs.for_each(|output| drop(results.remove(&output)));
@@ -392,8 +393,8 @@ fn publish(state: &mut State, results: HashMap<PathBuf, Found>) {
 enum Outcome {
     /// The result is that of an earlier run.
     Known,
-    /// The result, and after it that of the map of planes.
-    Found(Vec<Found>),
+    /// The result, after it that of the map of planes, and warnings.
+    Found(Vec<Found>, Vec<String>),
     /// Something that it needs is not there.
     Waits,
     /// A newer document is on its way. The last result stays.
@@ -498,16 +499,20 @@ fn run(
     let context = view.context(&progress);
     let done = match &job.step {
         Step::Track(track) => {
-            tracked(track, edit, tracking, &job.names[0], &context).map(|()| None)
+            tracked(track, edit, tracking, &job.names[0], &context).map(|()| (None, Vec::new()))
         }
         Step::Matte(matte) => size_of(document, &context).and_then(|size| {
             let mut report = Report::new("matte", &());
-            FrameMattes::open(matte, size, Spread::Clip, &mut report, &context).map(Some)
+            let mattes = FrameMattes::open(matte, size, Spread::Clip, &mut report, &context)?;
+            Ok((Some(mattes), report.warnings))
         }),
-        step => step.operation().run(&context).map(|_| None),
+        step => {
+            let report = step.operation().run(&context);
+            report.map(|report| (None, report.warnings))
+        }
     };
     match done {
-        Ok(mattes) => Outcome::Found(job.found(mattes.as_ref())),
+        Ok((mattes, warnings)) => Outcome::Found(job.found(mattes.as_ref()), warnings),
         Err(error) => failure(shared, edit.id, job.key, RunError::Job(error), failed),
     }
 }
@@ -611,7 +616,7 @@ fn find_forms(
     let done = clip_forms::find(edit, document, &view, &forms, &on_settled, &context);
     lock(&shared.state).view.version += 1;
     match done {
-        Ok(()) => Outcome::Found(vec![found]),
+        Ok(()) => Outcome::Found(vec![found], Vec::new()),
         Err(error) => failure(shared, edit.id, key, error, failed),
     }
 }

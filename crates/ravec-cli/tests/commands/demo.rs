@@ -7,7 +7,7 @@ fn one_page_holds_all_its_pictures_and_the_figures_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     photos(folder.path());
     for (source, out) in [("", "street"), (" --image photo.jpg", "photo")] {
-        let arguments = format!("demo --max-side 120 --out {out}/deep{source}");
+        let arguments = format!("demo --max-side 80 --out {out}/deep{source}");
         let report = report(folder.path(), &arguments);
         assert_eq!(report["operation"], "demo");
         let page = format!("{out}/deep/index.html");

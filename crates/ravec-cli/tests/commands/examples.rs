@@ -173,7 +173,7 @@ fn clips(folder: &Path) {
 #[cfg(unix)]
 fn run(folder: &Path, line: &str) {
     let small = match line {
-        line if line == "ravec demo" || line.starts_with("ravec demo ") => " --max-side 120",
+        line if line == "ravec demo" || line.starts_with("ravec demo ") => " --max-side 64",
         "ravec scenes --out scenes" => " --width 48 --height 32",
         _ => "",
     };

@@ -48,7 +48,7 @@ fn compare<P: GpuPixel>(image: &Image<P>, region: Rect, params: &OperatorParams)
 
 #[test]
 fn all_modes_keep_their_bounds_on_all_scenes() {
-    for (name, image) in scenes(83, 61) {
+    for (name, image) in scenes(57, 43) {
         let image: Image<Srgb<u8>> = image.convert();
         for mode in MODES {
             let (different, largest) = compare(&image, Rect::of(image.size()), &of(mode, 5));

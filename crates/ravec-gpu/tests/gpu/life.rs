@@ -44,7 +44,7 @@ fn a_lost_device_leaves_the_rest_to_the_cpu() {
 #[test]
 fn a_device_that_is_lost_while_it_cleans_leaves_the_rest_to_the_cpu() {
     let Some(gpu) = open() else { return };
-    let image = Image::from_fn(Size::new(900, 1400).unwrap(), |col, row| {
+    let image = Image::from_fn(Size::new(450, 900).unwrap(), |col, row| {
         Srgb([(col * 7) as u8, (row * 5) as u8, (col + row) as u8])
     });
     let whole = Rect::of(image.size());
@@ -53,7 +53,7 @@ fn a_device_that_is_lost_while_it_cleans_leaves_the_rest_to_the_cpu() {
     let expected = clean_with(&image, whole, &noise, &params, &none).unwrap();
     let found = std::thread::scope(|scope| {
         let work = scope.spawn(|| clean(&gpu, &image, whole, &noise, &params, &none));
-        std::thread::sleep(std::time::Duration::from_millis(400));
+        std::thread::sleep(std::time::Duration::from_millis(150));
         gpu.destroy();
         work.join().unwrap().unwrap()
     });

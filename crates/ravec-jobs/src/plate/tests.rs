@@ -85,12 +85,37 @@ fn largest_error(plate: &Image<Srgb<u8>>) -> f64 {
 }
 
 #[test]
+fn a_camera_that_moves_without_a_track_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    for index in 0..12 {
+        // a mottled wall that passes by
+        let wall = Image::from_fn(Size::new(64, 48).unwrap(), |col, row| {
+            Srgb([((col + 3 * index) * 97 + row * 61 + (col + 3 * index) * row * 13) as u8; 3])
+        });
+        let picture = Picture::from_image(AnyImage::from(wall));
+        let path = folder.path().join(format!("f_{index:02}.png"));
+        ravec_media::write(path, &picture, &WriteOptions::default()).unwrap();
+    }
+    let plate = Plate {
+        track: None,
+        params: Params::default(),
+        ..operation(folder.path())
+    };
+    let report = plate.run(&Context::default()).unwrap();
+    assert!(report.figures["agreeing_percent"] < 60.0);
+    let warnings = report.warnings.join("\n");
+    assert!(warnings.contains("ravec track"), "{warnings}");
+}
+
+#[test]
 fn a_bar_that_passes_is_not_on_the_plate() {
     let folder = shot(|index| 10 + 5 * index);
     let plate = operation(folder.path());
     let report = plate.run(&Context::default()).unwrap();
     assert_eq!(report.figures["frames"], 16.0);
     assert!(report.figures["seen_percent"] > 68.0 && report.figures["certainty"] > 0.8);
+    assert!(report.figures["agreeing_percent"] > 95.0);
+    assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     let made = read(&plate.output);
     assert_eq!(made.size(), Size::new(SIZE.0 + 12, SIZE.1 + 12).unwrap());
     assert!(largest_error(&made) < 6.0, "{}", largest_error(&made));

@@ -23,8 +23,11 @@ pub(super) fn state_ui(ui: &mut Ui, desk: &Desk<'_>, edit: &Edit, done: &str) {
                 }
             });
         }
-        AnalysisState::Done => {
+        AnalysisState::Done(warnings) => {
             ui.label(done);
+            for warning in warnings {
+                ui.colored_label(ui.visuals().warn_fg_color, warning);
+            }
         }
         AnalysisState::Failed(reason) => {
             ui.colored_label(ui.visuals().error_fg_color, reason);

@@ -265,7 +265,7 @@ impl ShotTool {
         });
         let mut states = needed.map(|known| hand.assistant.analyses.state(known.id));
         self.files.first().is_none_or(is_given)
-            && states.all(|state| matches!(state, AnalysisState::Done))
+            && states.all(|state| matches!(state, AnalysisState::Done(_)))
             && hand.snapshot.failure.is_none()
     }
 
@@ -302,7 +302,7 @@ impl ShotTool {
                 continue;
             }
             match desk.assistant.analyses.state(known.id) {
-                AnalysisState::Done => {}
+                AnalysisState::Done(_) => {}
                 AnalysisState::Waiting => {
                     ui.label(RichText::new(format!("The {label} is not there yet")).italics());
                 }

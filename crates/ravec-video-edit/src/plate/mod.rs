@@ -79,3 +79,21 @@ pub struct Plate {
     /// Number of frames that show a pixel.
     pub samples: Plane,
 }
+
+impl Plate {
+    /// The share of the seen pixels whose color most frames have, 0 to 1; 1 where nothing was seen. Before a camera that stands still it
+    /// is near 1; it falls below a half where frames do not lie on the plate.
+    pub fn agreeing_share(&self) -> f64 {
+        let seen = self.seen.coverage().pixels().iter();
+        let agreement = seen.zip(self.agreement.pixels());
+        let (mut agreeing, mut count) = (0usize, 0usize);
+        for (_, agreement) in agreement.filter(|(seen, _)| **seen > 0.0) {
+            count += 1;
+            agreeing += usize::from(*agreement > 0.5);
+        }
+        if count == 0 {
+            return 1.0;
+        }
+        agreeing as f64 / count as f64
+    }
+}
