@@ -1,7 +1,11 @@
 //! A frame on its plate, and a plate in a frame: the same plane at about the same scale, interpolated by the kernel of Lanczos with
 //! three lobes.
+//!
+//! The kernel runs in the widest vectors of the machine, with equal results on all: first down the columns, of which six pixels of four
+//! channels are three of the widest vectors, then across.
 
 use crate::Colors;
+use fearless_simd::{Level, Simd, dispatch};
 use glam::DVec3;
 use ravec_planar::Homography;
 use ravec_raster::{Image, Mask, Size};
@@ -9,6 +13,8 @@ use std::sync::LazyLock;
 
 /// Pixels that the kernel reads along each axis.
 const TAPS: usize = 6;
+/// Values of the pixels that the kernel reads in a row.
+const LANES: usize = 4 * TAPS;
 /// Positions between two pixels that have weights of their own.
 const PHASES: usize = 256;
 
@@ -68,28 +74,36 @@ impl Interpolator {
     pub fn view(&self, image_from_output: &Homography, size: Size) -> Image<[f32; 4]> {
         let matrix = image_from_output.matrix();
         let mut output = Image::new(size, [0.0; 4]);
+        let level = Level::new();
         output.for_each_row(|row, out| {
             let start = matrix * DVec3::new(0.5, row as f64 + 0.5, 1.0);
-            for (col, out) in out.iter_mut().enumerate() {
-                let at = start + matrix.x_axis * col as f64;
-                if at.z <= 0.0 {
-                    continue;
-                }
-                let scale = 1.0 / at.z;
-                let color = self.color(at.x * scale, at.y * scale);
-                // a sum is finite only if all of its pixels are
-                if let Some([r, g, b, share]) = color
-                    && share > 0.0
-                    && (r + g + b).is_finite()
-                {
-                    *out = [r, g, b, 1.0];
-                }
-            }
+            dispatch!(level, simd => self.view_row(simd, start, matrix.x_axis, out));
         });
         output
     }
 
+    /// The pixels of a row of a view: homogeneous points from `start` in steps of `step`.
+    #[inline(always)]
+    fn view_row<S: Simd>(&self, _simd: S, start: DVec3, step: DVec3, out: &mut [[f32; 4]]) {
+        for (col, out) in out.iter_mut().enumerate() {
+            let at = start + step * col as f64;
+            if at.z <= 0.0 {
+                continue;
+            }
+            let scale = 1.0 / at.z;
+            let color = self.color(at.x * scale, at.y * scale);
+            // a sum is finite only if all of its pixels are
+            if let Some([r, g, b, share]) = color
+                && share > 0.0
+                && (r + g + b).is_finite()
+            {
+                *out = [r, g, b, 1.0];
+            }
+        }
+    }
+
     /// The color at a point, `None` if the kernel leaves the picture or meets an excluded pixel.
+    #[inline(always)]
     fn color(&self, x: f64, y: f64) -> Option<[f32; 4]> {
         let [x, y] = [
             Position::new(x, self.pixels.width())?,
@@ -108,20 +122,21 @@ impl Interpolator {
             return None;
         }
         let (across, down) = (&WEIGHTS[x.phase], &WEIGHTS[y.phase]);
-        let mut sums = [0.0f32; 4];
+        let mut columns = [0.0f32; LANES];
         for (row, down) in (row..).zip(down) {
-            let mut line = [0.0f32; 4];
             let pixels: &[[f32; 4]; TAPS] = self.pixels.row(row)[col..].first_chunk()?;
-            for (pixel, across) in pixels.iter().zip(across) {
-                for (sum, value) in line.iter_mut().zip(pixel) {
-                    *sum += across * value;
-                }
-            }
-            for (sum, value) in sums.iter_mut().zip(line) {
+            let values: &[f32] = pixels.as_flattened();
+            for (sum, value) in columns.iter_mut().zip(&values[..LANES]) {
                 *sum += down * value;
             }
         }
-        let [r, g, b, _] = sums;
+        let mut color = [0.0f32; 4];
+        for (column, across) in columns.as_chunks::<4>().0.iter().zip(across) {
+            for (sum, value) in color.iter_mut().zip(column) {
+                *sum += across * value;
+            }
+        }
+        let [r, g, b, _] = color;
         Some([r, g, b, 1.0])
     }
 }
@@ -160,6 +175,7 @@ struct Position {
 
 impl Position {
     /// `None` far outside.
+    #[inline(always)]
     fn new(at: f64, length: usize) -> Option<Self> {
         let corner = at - 0.5;
         if !(corner > -1.0 && corner < length as f64) {
@@ -175,6 +191,7 @@ impl Position {
     }
 
     /// The pixel whose center is here, if there is one.
+    #[inline(always)]
     fn on_pixel(&self) -> Option<usize> {
         let whole = match self.phase {
             0 => self.whole,
@@ -185,6 +202,7 @@ impl Position {
     }
 
     /// The first pixel of the kernel, if all of it lies in a picture of this length.
+    #[inline(always)]
     fn first(&self, length: usize) -> Option<usize> {
         let first = usize::try_from(self.whole - 2).ok()?;
         (first + TAPS <= length).then_some(first)

@@ -20,6 +20,8 @@ const RIM_PX: f64 = 3.0;
 const REACH_PX: usize = 40;
 /// Standard deviation of the kernel of colors, in steps of 8 bits.
 const COLOR_SIGMA: f32 = 10.0;
+/// Exponent beyond which the kernel of colors counts as 0: a ten thousandth of [`MIN_DENSITY`].
+const MAX_EXPONENT: f32 = 18.0;
 /// Samples of colors on each side.
 const MAX_COLORS: usize = 240;
 /// Likelihood ratio, as a logarithm, below which a color is one of the foreground.
@@ -231,7 +233,11 @@ fn density(colors: &[[f32; 3]], color: [f32; 3], sigma: f32) -> f32 {
         .iter()
         .map(|other| {
             let distance: f32 = (0..3).map(|c| (other[c] - color[c]).powi(2)).sum();
-            (-scale * distance).exp()
+            if scale * distance < MAX_EXPONENT {
+                (-scale * distance).exp()
+            } else {
+                0.0
+            }
         })
         .sum();
     sum / colors.len().max(1) as f32

@@ -3,12 +3,19 @@
 //! Source: Comaniciu and Meer, *Mean shift: a robust approach toward feature space analysis*, 2002; the kernel is the biweight, which
 //! ends at its radius.
 
+use fearless_simd::{Level, Simd, dispatch};
+
 /// Mean-shift steps from each start.
 const STEPS: usize = 4;
 /// Starts that are tried at most.
 const MAX_STARTS: usize = 12;
 /// Share of the samples that ends the search: no other mode can be denser.
 const ENOUGH: f32 = 0.6;
+
+/// Samples that are weighed at once.
+const LANES: usize = 8;
+/// A value far from all colors, in steps of 8 bits.
+const FAR: f32 = 1e9;
 
 /// Colors of a pixel in several frames, by channel.
 #[derive(Default)]
@@ -49,15 +56,23 @@ impl Samples {
 
     /// The densest mode within `radius`; `guess` is tried first.
     pub fn densest(&self, guess: [f32; 3], radius: f32) -> Option<Mode> {
+        dispatch!(Level::new(), simd => self.densest_on(simd, guess, radius))
+    }
+
+    #[inline(always)]
+    fn densest_on<S: Simd>(&self, simd: S, guess: [f32; 3], radius: f32) -> Option<Mode> {
         let count = self.len();
         if count == 0 {
             return None;
         }
         let starts = count.min(MAX_STARTS);
-        let at = |start: usize| self.color(start * count / starts);
         let mut best: Option<Mode> = None;
-        for start in std::iter::once(guess).chain((0..starts).map(at)) {
-            let mode = self.climbed(start, radius);
+        for index in 0..=starts {
+            let start = match index.checked_sub(1) {
+                None => guess,
+                Some(start) => self.color(start * count / starts),
+            };
+            let mode = self.climbed(simd, start, radius);
             if best.is_none_or(|best| mode.density > best.density) {
                 best = Some(mode);
                 if mode.density > ENOUGH * count as f32 {
@@ -81,10 +96,15 @@ impl Samples {
 
     /// Modes that are reached from up to `starts` samples, at least half of `radius` apart.
     pub fn modes(&self, radius: f32, starts: usize) -> Vec<Mode> {
+        dispatch!(Level::new(), simd => self.modes_on(simd, radius, starts))
+    }
+
+    #[inline(always)]
+    fn modes_on<S: Simd>(&self, simd: S, radius: f32, starts: usize) -> Vec<Mode> {
         let starts = self.len().min(starts);
         let mut modes: Vec<Mode> = Vec::new();
         for start in 0..starts {
-            let mode = self.climbed(self.color(start * self.len() / starts), radius);
+            let mode = self.climbed(simd, self.color(start * self.len() / starts), radius);
             let near = |other: &Mode| {
                 let apart = [0, 1, 2].map(|c| mode.color[c] - other.color[c]);
                 biweight(apart, 1.0 / (0.25 * radius * radius)) > 0.0
@@ -97,7 +117,8 @@ impl Samples {
     }
 
     /// The mode to which mean shift leads.
-    pub fn climbed(&self, start: [f32; 3], radius: f32) -> Mode {
+    #[inline(always)]
+    fn climbed<S: Simd>(&self, _simd: S, start: [f32; 3], radius: f32) -> Mode {
         let mut mode = Mode {
             color: start,
             density: 0.0,
@@ -123,38 +144,53 @@ impl Samples {
     }
 
     /// Weight of the samples around `center`, and their weighted sums.
+    #[inline(always)]
     fn sums(&self, center: [f32; 3], radius: f32) -> [f32; 4] {
-        const LANES: usize = 8;
         let scale = 1.0 / (radius * radius);
-        let [x, y, z] = self.channels.each_ref().map(Vec::as_slice);
+        let [x, y, z] = self.channels.each_ref().map(|channel| channel.as_chunks());
         let mut sums = [[0.0f32; LANES]; 4];
-        let mut add = |x: &[f32], y: &[f32], z: &[f32]| {
-            for lane in 0..x.len().min(LANES) {
-                let weight = biweight(
-                    [
-                        x[lane] - center[0],
-                        y[lane] - center[1],
-                        z[lane] - center[2],
-                    ],
-                    scale,
-                );
-                sums[0][lane] += weight;
-                sums[1][lane] += weight * x[lane];
-                sums[2][lane] += weight * y[lane];
-                sums[3][lane] += weight * z[lane];
-            }
-        };
-        let whole = x.len() - x.len() % LANES;
-        for at in (0..whole).step_by(LANES) {
-            let lanes = at..at + LANES;
-            add(&x[lanes.clone()], &y[lanes.clone()], &z[lanes]);
+        for ((x, y), z) in x.0.iter().zip(y.0).zip(z.0) {
+            add(&mut sums, [x, y, z], center, scale);
         }
-        add(&x[whole..], &y[whole..], &z[whole..]);
+        // what lies far outside of the kernel has no weight
+        let rest = |values: &[f32]| {
+            let mut lanes = [FAR; LANES];
+            lanes[..values.len()].copy_from_slice(values);
+            lanes
+        };
+        if !x.1.is_empty() {
+            let [x, y, z] = [rest(x.1), rest(y.1), rest(z.1)];
+            add(&mut sums, [&x, &y, &z], center, scale);
+        }
         sums.map(|lanes| lanes.iter().sum())
     }
 }
 
+/// Adds samples to sums of weights and of weighted channels.
+#[inline(always)]
+fn add(
+    sums: &mut [[f32; LANES]; 4],
+    [x, y, z]: [&[f32; LANES]; 3],
+    center: [f32; 3],
+    scale: f32,
+) {
+    let [weights, xs, ys, zs] = sums;
+    for lane in 0..LANES {
+        let apart = [
+            x[lane] - center[0],
+            y[lane] - center[1],
+            z[lane] - center[2],
+        ];
+        let weight = biweight(apart, scale);
+        weights[lane] += weight;
+        xs[lane] += weight * x[lane];
+        ys[lane] += weight * y[lane];
+        zs[lane] += weight * z[lane];
+    }
+}
+
 /// Tukey's biweight of a difference of colors; `scale` is one over the squared radius.
+#[inline(always)]
 pub(crate) fn biweight(difference: [f32; 3], scale: f32) -> f32 {
     let [x, y, z] = difference;
     let share = (1.0 - (x * x + y * y + z * z) * scale).max(0.0);
