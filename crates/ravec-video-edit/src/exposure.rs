@@ -8,6 +8,8 @@ const ROUNDS: usize = 7;
 const CLIPPED: [f32; 2] = [0.01, 0.985];
 /// Pairs below which nothing is fitted.
 const MIN_PAIRS: usize = 40;
+/// Pairs from which the robust standard deviation is estimated, at least, if there are as many.
+const SCALE_PAIRS: usize = 4000;
 /// Standard deviation of values without noise but the rounding of 8 bits.
 const MIN_SIGMA: f32 = 0.5 / 255.0;
 /// Weight that keeps an offset from standing for a gain, relative to that of all pairs.
@@ -83,10 +85,14 @@ impl Exposure {
         pair.frame[channel] - self.gain[channel] * pair.plate[channel] - self.offset[channel]
     }
 
-    /// Robust standard deviation of each channel.
+    /// Robust standard deviation of each channel, from some of the pairs: it weighs them, and need not be exact.
     fn scales(&self, pairs: &[&Pair]) -> [f32; 3] {
+        let step = (pairs.len() / SCALE_PAIRS).max(1);
         [0, 1, 2].map(|channel| {
-            let sizes = pairs.iter().map(|pair| self.residual(pair, channel).abs());
+            let sizes = pairs
+                .iter()
+                .step_by(step)
+                .map(|pair| self.residual(pair, channel).abs());
             (1.4826 * median(sizes.collect())).max(MIN_SIGMA)
         })
     }

@@ -1,11 +1,10 @@
 //! A frame on its plate, and a plate in a frame: the same plane at about the same scale, interpolated by the kernel of Lanczos with
 //! three lobes.
 //!
-//! The kernel runs in the widest vectors of the machine, with equal results on all: first down the columns, of which six pixels of four
-//! channels are three of the widest vectors, then across.
+//! The kernel runs in the widest vectors of the machine, with equal results on all: first down the columns, then across.
 
 use crate::Colors;
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
 use glam::DVec3;
 use ravec_planar::Homography;
 use ravec_raster::{Image, Mask, Size};
@@ -13,8 +12,6 @@ use std::sync::LazyLock;
 
 /// Pixels that the kernel reads along each axis.
 const TAPS: usize = 6;
-/// Values of the pixels that the kernel reads in a row.
-const LANES: usize = 4 * TAPS;
 /// Positions between two pixels that have weights of their own.
 const PHASES: usize = 256;
 
@@ -84,14 +81,14 @@ impl Interpolator {
 
     /// The pixels of a row of a view: homogeneous points from `start` in steps of `step`.
     #[inline(always)]
-    fn view_row<S: Simd>(&self, _simd: S, start: DVec3, step: DVec3, out: &mut [[f32; 4]]) {
+    fn view_row<S: Simd>(&self, simd: S, start: DVec3, step: DVec3, out: &mut [[f32; 4]]) {
         for (col, out) in out.iter_mut().enumerate() {
             let at = start + step * col as f64;
             if at.z <= 0.0 {
                 continue;
             }
             let scale = 1.0 / at.z;
-            let color = self.color(at.x * scale, at.y * scale);
+            let color = self.color(simd, at.x * scale, at.y * scale);
             // a sum is finite only if all of its pixels are
             if let Some([r, g, b, share]) = color
                 && share > 0.0
@@ -104,7 +101,7 @@ impl Interpolator {
 
     /// The color at a point, `None` if the kernel leaves the picture or meets an excluded pixel.
     #[inline(always)]
-    fn color(&self, x: f64, y: f64) -> Option<[f32; 4]> {
+    fn color<S: Simd>(&self, simd: S, x: f64, y: f64) -> Option<[f32; 4]> {
         let [x, y] = [
             Position::new(x, self.pixels.width())?,
             Position::new(y, self.pixels.height())?,
@@ -122,20 +119,22 @@ impl Interpolator {
             return None;
         }
         let (across, down) = (&WEIGHTS[x.phase], &WEIGHTS[y.phase]);
-        let mut columns = [0.0f32; LANES];
+        // two columns in each
+        let mut columns = [f32x8::splat(simd, 0.0); TAPS / 2];
         for (row, down) in (row..).zip(down) {
-            let pixels: &[[f32; 4]; TAPS] = self.pixels.row(row)[col..].first_chunk()?;
-            let values: &[f32] = pixels.as_flattened();
-            for (sum, value) in columns.iter_mut().zip(&values[..LANES]) {
-                *sum += down * value;
+            let values = self.pixels.row(row)[col..col + TAPS].as_flattened();
+            for (sum, values) in columns.iter_mut().zip(values.as_chunks::<8>().0) {
+                *sum += f32x8::from_slice(simd, values) * *down;
             }
         }
-        let mut color = [0.0f32; 4];
-        for (column, across) in columns.as_chunks::<4>().0.iter().zip(across) {
-            for (sum, value) in color.iter_mut().zip(column) {
-                *sum += across * value;
-            }
+        let mut sum = f32x4::splat(simd, 0.0);
+        for (columns, across) in columns.into_iter().zip(across.as_chunks::<2>().0) {
+            let (left, right) = columns.split();
+            sum += left * across[0];
+            sum += right * across[1];
         }
+        let mut color = [0.0; 4];
+        sum.store_slice(&mut color);
         let [r, g, b, _] = color;
         Some([r, g, b, 1.0])
     }

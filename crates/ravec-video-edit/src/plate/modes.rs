@@ -168,12 +168,7 @@ impl Samples {
 
 /// Adds samples to sums of weights and of weighted channels.
 #[inline(always)]
-fn add(
-    sums: &mut [[f32; LANES]; 4],
-    [x, y, z]: [&[f32; LANES]; 3],
-    center: [f32; 3],
-    scale: f32,
-) {
+fn add(sums: &mut [[f32; LANES]; 4], [x, y, z]: [&[f32; LANES]; 3], center: [f32; 3], scale: f32) {
     let [weights, xs, ys, zs] = sums;
     for lane in 0..LANES {
         let apart = [

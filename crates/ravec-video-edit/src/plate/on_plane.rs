@@ -9,7 +9,7 @@ use ravec_planar::Homography;
 use ravec_raster::{Image, Mask, Size};
 
 /// Pixels of the plate at which exposures are compared, at most.
-pub const MAX_PAIRS: usize = 8_000;
+pub const MAX_PAIRS: usize = 20_000;
 
 /// Geometry of a plate: that of the reference frame, with `pad_px` pixels more on each side.
 #[derive(Debug, Clone, Copy)]
