@@ -12,6 +12,8 @@ const MAX_STARTS: usize = 12;
 /// Share of the samples that ends the search: no other mode can be denser.
 const ENOUGH: f32 = 0.6;
 
+/// Share of the radius around a mode in which no search starts.
+const KNOWN: f32 = 0.25;
 /// Samples that are weighed at once.
 const LANES: usize = 8;
 /// A value far from all colors, in steps of 8 bits.
@@ -103,13 +105,21 @@ impl Samples {
     fn modes_on<S: Simd>(&self, simd: S, radius: f32, starts: usize) -> Vec<Mode> {
         let starts = self.len().min(starts);
         let mut modes: Vec<Mode> = Vec::new();
+        let near = |color: [f32; 3], other: &Mode, distance: f32| {
+            let apart = [0, 1, 2].map(|c| color[c] - other.color[c]);
+            biweight(apart, 1.0 / (distance * distance)) > 0.0
+        };
         for start in 0..starts {
-            let mode = self.climbed(simd, self.color(start * self.len() / starts), radius);
-            let near = |other: &Mode| {
-                let apart = [0, 1, 2].map(|c| mode.color[c] - other.color[c]);
-                biweight(apart, 1.0 / (0.25 * radius * radius)) > 0.0
-            };
-            if !modes.iter().any(near) {
+            let start = self.color(start * self.len() / starts);
+            // it would lead to a mode that is known
+            if modes.iter().any(|mode| near(start, mode, KNOWN * radius)) {
+                continue;
+            }
+            let mode = self.climbed(simd, start, radius);
+            if !modes
+                .iter()
+                .any(|other| near(mode.color, other, 0.5 * radius))
+            {
                 modes.push(mode);
             }
         }

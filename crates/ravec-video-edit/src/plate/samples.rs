@@ -150,8 +150,7 @@ impl PlateSamples {
                         continue;
                     }
                     let color = exposure.undone([*r, *g, *b]);
-                    let [r, g, b] =
-                        color.map(|value| (255.0 * value).round().clamp(0.0, 255.0) as u8);
+                    let [r, g, b] = color.map(|value| (255.0 * value + 0.5) as u8);
                     *layer = [r, g, b, Label::Sample as u8];
                 }
             });
