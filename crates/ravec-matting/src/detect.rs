@@ -16,6 +16,8 @@ const MAX_CHI_SQUARED: f32 = 1e6;
 const CELL_PX: usize = 8;
 /// Cells by which a rectangle is larger than what is suspect.
 const MARGIN_CELLS: usize = 2;
+/// Pixels of the margin.
+pub(crate) const MARGIN_PX: usize = MARGIN_CELLS * CELL_PX;
 /// Suspect pixels below which what is connected counts as noise: fewer are no solid part of a foreground.
 const MIN_SUSPECTS: usize = 14;
 

@@ -1,6 +1,6 @@
 //! Alpha and foreground of a rectangle of a frame, in units of the noise.
 
-use crate::detect::{CERTAIN, CERTAIN_SMOOTH, Difference};
+use crate::detect::{CERTAIN, CERTAIN_SMOOTH, Difference, MARGIN_PX};
 use crate::field::{ColorField, color_field};
 use crate::half::{halved_of, spread};
 use crate::light::PlateLight;
@@ -13,7 +13,7 @@ use crate::texture::{TextureCue, texture_cue};
 use crate::window::largest_within;
 use fearless_simd::{Level as Vectors, Simd, dispatch};
 use ravec_progress::Progress;
-use ravec_raster::{Plane, Rect};
+use ravec_raster::{Plane, Rect, Size};
 
 /// Radius of the window whose largest difference stands for opaque foreground at the start.
 const START_RADIUS: usize = 3;
@@ -111,6 +111,7 @@ impl Region {
             field = Some(next);
         }
         let Some(field) = field else { return Ok(()) };
+        fade(&mut found, self.rect, input.frame.size());
         snap(&mut found, params.snap);
         clear_specks(&mut found, |col, row| {
             input.stroke(self.rect.col + col, self.rect.row + row) == Constraint::Foreground
@@ -230,6 +231,32 @@ fn hold(rect: Rect, input: &PlateFrame<'_>, alpha: &mut Plane) {
     }
 }
 
+/// Fades alpha towards the sides of a rectangle within a frame. Nothing is suspect there, and what is as faint as the noise does not
+/// end at a line.
+fn fade(alpha: &mut Plane, rect: Rect, frame: Size) {
+    let across = faded(rect.width, [rect.col > 0, rect.right() < frame.width()]);
+    let down = faded(rect.height, [rect.row > 0, rect.bottom() < frame.height()]);
+    alpha.for_each_row(|row, line| {
+        for (alpha, across) in line.iter_mut().zip(&across) {
+            *alpha *= across * down[row];
+        }
+    });
+}
+
+/// Factors that rise from each end of a line that is `inner` to the frame.
+fn faded(length: usize, inner: [bool; 2]) -> Vec<f32> {
+    let rise = |distance: usize| {
+        let share = ((distance as f32 + 0.5) / MARGIN_PX as f32).min(1.0);
+        share * share * (3.0 - 2.0 * share)
+    };
+    let factor = |at: usize| {
+        let start = if inner[0] { rise(at) } else { 1.0 };
+        let end = if inner[1] { rise(length - 1 - at) } else { 1.0 };
+        start.min(end)
+    };
+    (0..length).map(factor).collect()
+}
+
 /// Sets alpha to 0 up to `limit`, and to 1 from one less it.
 fn snap(alpha: &mut Plane, limit: f32) {
     for value in alpha.pixels_mut() {
@@ -281,4 +308,23 @@ fn start_of(chi_squared: &Plane, smooth: &Plane) -> Plane {
         *start = if is_certain { share } else { 0.0 };
     }
     start
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn alpha_fades_towards_inner_sides_within_the_margin() {
+        let frame = Size::new(100, 80).unwrap();
+        let rect = Rect::new(0, 16, 64, 64);
+        let mut alpha = Plane::new(Size::new(64, 64).unwrap(), 0.5);
+        fade(&mut alpha, rect, frame);
+        // the left side and the lower one are those of the frame
+        assert_eq!([alpha[(0, 40)], alpha[(30, 63)], alpha[(30, 30)]], [0.5; 3]);
+        assert!(alpha[(63, 40)] < 0.01 && alpha[(30, 0)] < 0.01);
+        let row: Vec<f32> = (64 - MARGIN_PX..64).map(|col| alpha[(col, 40)]).collect();
+        assert!(row.is_sorted_by(|a, b| a >= b), "{row:?}");
+        assert_eq!(alpha[(63 - MARGIN_PX, 40)], 0.5);
+    }
 }
