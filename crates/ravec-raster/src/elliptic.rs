@@ -291,4 +291,34 @@ mod tests {
             assert!(blurred.pixels().iter().all(|v| (v - 0.25).abs() < 1e-5));
         }
     }
+
+    /// The definition: shifted pixels, each clamped to the image.
+    fn weighed_naive(image: &Image<[f32; 3]>, taps: &[Tap]) -> Image<[f32; 3]> {
+        Image::from_fn(image.size(), |col, row| {
+            let (col, row) = (col as isize, row as isize);
+            let shifted = |tap: &Tap| image.clamped(col + tap.col, row + tap.row);
+            taps.iter()
+                .fold([0.0; 3], |sum, tap| sum.plus(tap.weight, shifted(tap)))
+        })
+    }
+
+    #[test]
+    fn sums_are_those_of_the_definition() {
+        for (width, height) in [(1, 1), (3, 90), (70, 40), (33, 150)] {
+            let image = Image::from_fn(Size::new(width, height).unwrap(), |col, row| {
+                [0, 1, 2].map(|c| ((col * 37 + row * 91 + c * col * row * 13) % 101) as f32 / 101.0)
+            });
+            for seed in 0..6 {
+                let step = |at: isize, range: isize| (at * 7919 + seed * 131).rem_euclid(range);
+                let taps: Vec<Tap> = (0..9)
+                    .map(|at| Tap {
+                        col: step(at, 41 * (seed + 1)) - 20,
+                        row: step(at + 5, 23) - 11,
+                        weight: 0.01 * (at + 3) as f32,
+                    })
+                    .collect();
+                assert_eq!(weighed(&image, &taps), weighed_naive(&image, &taps));
+            }
+        }
+    }
 }
