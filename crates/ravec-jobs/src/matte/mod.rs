@@ -301,13 +301,21 @@ impl Matte {
             phase: ("matte", total),
         };
         let mut figures = Figures::default();
-        let solve = |shot: &Shot| {
+        let solve = |shot: &Shot, (): ()| {
             let progress = context.progress.silent();
             let found = mattes.solve(shot.index, &shot.image, &progress, context)?;
             Ok((self.drawn(&found, &shot.image), mean(&found.alpha)))
         };
         let record = |alpha| figures.add(alpha);
-        let rewritten = rewrite_each(&target, &mut reader, report, context, solve, record)?;
+        let rewritten = rewrite_each(
+            &target,
+            &mut reader,
+            report,
+            context,
+            |_| Ok(()),
+            solve,
+            record,
+        )?;
         reader.warn(report);
         figures.record(report);
         // those of an earlier run, too

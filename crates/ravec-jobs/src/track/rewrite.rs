@@ -50,20 +50,23 @@ pub(crate) fn rewrite(
     })
 }
 
-/// [`rewrite`] for frames that do not depend on each other: some are changed at a time, on all threads. `record` gets what `change`
-/// finds beside the pictures, in the order of the frames. Frames that an earlier run has written are left out.
+/// [`rewrite`] for frames that do not depend on each other: some are changed at a time, on all threads. `read` reads what belongs to a
+/// frame elsewhere, and `record` gets what `change` finds beside the picture, both in the order of the frames. Frames that an earlier
+/// run has written are left out.
 ///
 /// # Errors
 /// Those of [`rewrite`].
-pub(crate) fn rewrite_each<T: Send>(
+pub(crate) fn rewrite_each<S: Send, T: Send>(
     target: &Target<'_>,
     reader: &mut Reader<'_>,
     report: &Report,
     context: &Context,
-    change: impl Fn(&Shot) -> Result<(AnyImage, T), JobError> + Sync,
+    mut read: impl FnMut(&Shot) -> Result<S, JobError> + Send,
+    change: impl Fn(&Shot, S) -> Result<(AnyImage, T), JobError> + Sync,
     mut record: impl FnMut(T) + Send,
 ) -> Result<Rewritten, JobError> {
     let pixels = reader.clip().info().size.pixels();
+    let pixels = pixels.max(target.size.map_or(0, Size::pixels));
     let at_once = (MAX_PIXELS_AT_ONCE / pixels)
         .min(rayon::current_num_threads())
         .clamp(1, MAX_AT_ONCE);
@@ -71,7 +74,9 @@ pub(crate) fn rewrite_each<T: Send>(
         if done {
             return Ok(shots.iter().map(|_| None).collect());
         }
-        let changed: Result<Vec<_>, _> = shots.par_iter().map(&change).collect();
+        let sides: Result<Vec<S>, _> = shots.iter().map(&mut read).collect();
+        let pairs = shots.par_iter().zip(sides?);
+        let changed: Result<Vec<_>, _> = pairs.map(|(shot, side)| change(shot, side)).collect();
         let images = changed?.into_iter().map(|(image, found)| {
             record(found);
             Some(image)

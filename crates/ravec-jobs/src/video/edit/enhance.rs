@@ -1,7 +1,8 @@
 //! `video enhance`: a clip twice as large, whose plane comes from a sharp photo.
 
 use super::{
-    Edit, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotParams, write_frames,
+    AlphaSource, Beside, Edit, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotFrames,
+    ShotParams, Sides,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -128,16 +129,14 @@ impl Operation for Enhance {
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let mut report = Report::of(self, &self.params);
         let inputs = self.edit_inputs();
-        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let double = doubled(edit.size, context)?;
-        let mut frames = self.frames(edit, &mut report, context)?;
+        let open = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let double = doubled(open.edit.size, context)?;
+        let frames = self.frames(open.edit, open.alpha, &mut report, context)?;
         let files = EditOutput {
             size: Some(double),
-            ..inputs.output(&output, "enhance")
+            ..inputs.output(&open.output, "enhance")
         };
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            frames.result(shot.index, &shot.image, context)
-        })?;
+        frames.write(self, &files, open.clip, &mut report, context)?;
         Ok(report)
     }
 }
@@ -172,17 +171,24 @@ impl ShotEdit for Enhance {
     fn frames(
         &self,
         edit: Edit,
+        alpha: AlphaSource,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit>, JobError> {
+    ) -> Result<ShotFrames, JobError> {
         let size = doubled(edit.size, context)?;
         let photo = self.photo_on_plane(edit.size, report, context)?;
-        Ok(Box::new(Frames {
-            edit,
-            photo,
-            size,
-            blur: self.params.blur,
-        }))
+        Ok(ShotFrames {
+            sides: Sides {
+                alpha: Some(alpha),
+                ..Sides::default()
+            },
+            edit: Box::new(Frames {
+                edit,
+                photo,
+                size,
+                blur: self.params.blur,
+            }),
+        })
     }
 }
 
@@ -196,12 +202,13 @@ struct Frames {
 
 impl FrameEdit for Frames {
     fn result(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        beside: Beside,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, context)?;
+        let frame = self.edit.frame(index, image, beside.alpha, context)?;
         let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
         let photo = &self.photo;
         let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;

@@ -23,14 +23,16 @@ use crate::shot::{
 };
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
-use crate::track::rewrite::{Target, rewrite};
+use crate::track::rewrite::{Target, rewrite_each};
 use crate::video::{Encoding, FrameRange, folder_or_clip, is_clip, key_of, open_clip, read_error};
 use ravec::matting::{Colors, PlateLight};
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, BlurCovariance, Image, Mask, Plane, Size, Srgb};
+use ravec::raster::{AnyImage, BlurCovariance, Image, Mask, Pixel, Plane, Size, Srgb};
 use ravec_video::{Clip, FrameSource as _};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// Alpha below which a pixel shows background alone.
 const MAX_ALPHA: f32 = 0.012;
@@ -90,15 +92,88 @@ impl<'a> EditInputs<'a> {
     }
 }
 
-/// Frames of an edit, one by one.
-trait FrameEdit: Send {
-    /// The result for a frame.
+/// Work of an edit on one frame. Frames do not depend on each other.
+trait FrameEdit: Send + Sync {
+    /// The result for a frame and what other clips have for it.
     fn result(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        beside: Beside,
         context: &Context,
     ) -> Result<Colors, JobError>;
+}
+
+/// Frames of an edit.
+struct ShotFrames {
+    sides: Sides,
+    edit: Box<dyn FrameEdit>,
+}
+
+impl ShotFrames {
+    /// Writes the frames of a clip as the edit changes them.
+    fn write<O: Operation>(
+        self,
+        operation: &O,
+        files: &EditOutput<'_>,
+        clip: Clip,
+        report: &mut Report,
+        context: &Context,
+    ) -> Result<(), JobError> {
+        let Self { mut sides, edit } = self;
+        write_frames(
+            operation,
+            files,
+            clip,
+            report,
+            context,
+            |shot| sides.of(shot.index, &shot.image, context),
+            |shot, beside| edit.result(shot.index, &shot.image, beside, context),
+        )
+    }
+}
+
+/// Clips that an edit reads in step with its own.
+#[derive(Default)]
+struct Sides {
+    /// Frames for which they are read.
+    range: FrameRange,
+    /// Alpha of the foreground.
+    alpha: Option<AlphaSource>,
+    /// A picture or a clip.
+    picture: Option<SideInput>,
+    /// Matte of what stands in front in it.
+    front: Option<Exclusions>,
+}
+
+/// What other clips have for a frame.
+#[derive(Default)]
+struct Beside {
+    alpha: Option<Plane>,
+    picture: Option<Arc<AnyImage>>,
+    front: Option<Mask>,
+}
+
+impl Sides {
+    /// Reads what belongs to a frame. Frames are read forward fastest.
+    ///
+    /// # Errors
+    /// [`JobError::ClipTooShort`], [`JobError::ReadClip`].
+    fn of(&mut self, index: u64, image: &AnyImage, context: &Context) -> Result<Beside, JobError> {
+        if self.range.contains(index) != Some(true) {
+            return Ok(Beside::default());
+        }
+        let alpha = self.alpha.as_mut();
+        let picture = self.picture.as_mut();
+        let front = self.front.as_mut();
+        Ok(Beside {
+            alpha: alpha
+                .map(|alpha| alpha.of(index, image, context))
+                .transpose()?,
+            picture: picture.map(|picture| picture.frame(index)).transpose()?,
+            front: front.map(|front| front.of(index)).transpose()?.flatten(),
+        })
+    }
 }
 
 /// An edit of a shot.
@@ -110,18 +185,18 @@ trait ShotEdit: Operation {
     fn frames(
         &self,
         edit: Edit,
+        alpha: AlphaSource,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit>, JobError>;
+    ) -> Result<ShotFrames, JobError>;
 }
 
-/// A shot with its plate, its track and its matte.
+/// A shot with its plate and its track.
 struct Edit {
     size: Size,
     plate: ShotPlate,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
-    alpha: AlphaSource,
 }
 
 /// Where alpha of the frames comes from.
@@ -152,8 +227,6 @@ impl AlphaSource {
 
 /// A frame with all that an edit needs.
 struct EditFrame {
-    /// Number of the frame.
-    index: u64,
     colors: Colors,
     alpha: Plane,
     /// Map from the reference frame.
@@ -167,7 +240,7 @@ struct EditFrame {
 }
 
 impl Edit {
-    /// Reads plate, track and matte of a shot whose frames have `size`. `live` takes the place of the file of the matte.
+    /// Reads plate and track of a shot whose frames have `size`, and opens its matte. `live` takes the place of the file of the matte.
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::SizesDiffer`], [`JobError::TrackFile`], those of reading.
@@ -177,7 +250,7 @@ impl Edit {
         live: Option<FrameMattes>,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Self, JobError> {
+    ) -> Result<(Self, AlphaSource), JobError> {
         let plate_size = |b_size: Size| JobError::SizesDiffer {
             a: inputs.input.to_path_buf(),
             a_size: size,
@@ -211,13 +284,13 @@ impl Edit {
                 path: inputs.matte.to_path_buf(),
             }
         };
-        Ok(Self {
+        let edit = Self {
             size,
             plate,
             track,
             track_path: inputs.track.map(Path::to_path_buf),
-            alpha,
-        })
+        };
+        Ok((edit, alpha))
     }
 
     /// The map to a frame.
@@ -225,15 +298,16 @@ impl Edit {
         map_of(self.track.as_ref(), self.track_path.as_deref(), index)
     }
 
-    /// A frame with its alpha and its background.
+    /// A frame with its alpha and its background. Without alpha there is no foreground.
     fn frame(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        alpha: Option<Plane>,
         context: &Context,
     ) -> Result<EditFrame, JobError> {
         let map = self.map(index)?;
-        let alpha = self.alpha.of(index, image, context)?;
+        let alpha = alpha.unwrap_or_else(|| Plane::new(self.size, 0.0));
         let colors = encoded(image);
         let shown = self.plate.in_frame(&map, index, self.size, context)?;
         let usable = |col: usize, row: usize| {
@@ -242,7 +316,6 @@ impl Edit {
         let light = PlateLight::fit(&colors, &shown.colors, Some(&usable));
         let (background, _) = light.relit(&shown.colors);
         Ok(EditFrame {
-            index,
             map,
             alpha,
             blur: light.total_blur(),
@@ -290,7 +363,7 @@ fn map_of(
 
 /// A picture or clip whose frames are read in step with those of another clip.
 enum SideInput {
-    Still(Box<AnyImage>),
+    Still(Arc<AnyImage>),
     Clip {
         clip: Box<Clip>,
         path: PathBuf,
@@ -301,9 +374,8 @@ enum SideInput {
 impl SideInput {
     fn open(path: &Path, report: &mut Report, context: &Context) -> Result<Self, JobError> {
         if !is_clip(path, context) {
-            return Ok(Self::Still(Box::new(
-                files::read(path, report, context)?.image,
-            )));
+            let picture = files::read(path, report, context)?;
+            return Ok(Self::Still(Arc::new(picture.image)));
         }
         Ok(Self::of(open_clip(path, None, report, context)?, path))
     }
@@ -317,6 +389,10 @@ impl SideInput {
         }
     }
 
+    fn is_still(&self) -> bool {
+        matches!(self, Self::Still(_))
+    }
+
     fn size(&self) -> Size {
         match self {
             Self::Still(image) => image.size(),
@@ -328,9 +404,9 @@ impl SideInput {
     ///
     /// # Errors
     /// [`JobError::ClipTooShort`], [`JobError::ReadClip`].
-    fn frame(&mut self, index: u64) -> Result<AnyImage, JobError> {
+    fn frame(&mut self, index: u64) -> Result<Arc<AnyImage>, JobError> {
         match self {
-            Self::Still(image) => Ok((**image).clone()),
+            Self::Still(image) => Ok(image.clone()),
             Self::Clip { clip, path, next } => {
                 let failed = read_error(path);
                 if index != *next {
@@ -342,8 +418,35 @@ impl SideInput {
                     path: path.clone(),
                     frame: index,
                 })?;
-                Ok(frame.picture.into_image())
+                Ok(Arc::new(frame.picture.into_image()))
             }
+        }
+    }
+}
+
+/// Pixels of a [`SideInput`] as an edit needs them; those of a picture are kept.
+struct SidePixels<P: Pixel> {
+    convert: fn(&AnyImage) -> Image<P>,
+    is_still: bool,
+    still: OnceLock<Image<P>>,
+}
+
+impl<P: Pixel> SidePixels<P> {
+    /// Pixels of the frames of `input`.
+    fn new(input: &SideInput, convert: fn(&AnyImage) -> Image<P>) -> Self {
+        Self {
+            convert,
+            is_still: input.is_still(),
+            still: OnceLock::new(),
+        }
+    }
+
+    /// The pixels of a frame.
+    fn of(&self, frame: &AnyImage) -> Cow<'_, Image<P>> {
+        if self.is_still {
+            Cow::Borrowed(self.still.get_or_init(|| (self.convert)(frame)))
+        } else {
+            Cow::Owned((self.convert)(frame))
         }
     }
 }
@@ -354,6 +457,7 @@ struct OpenEdit {
     /// The clip that is written.
     output: PathBuf,
     edit: Edit,
+    alpha: AlphaSource,
 }
 
 impl OpenEdit {
@@ -374,8 +478,13 @@ impl OpenEdit {
         let output = folder_or_clip(inputs.output, &operation.inputs(), context)?;
         context.check_files(&operation.inputs(), &[&output])?;
         let clip = open_clip(inputs.input, None, report, context)?;
-        let edit = Edit::open(inputs, clip.info().size, None, report, context)?;
-        Ok(Self { clip, output, edit })
+        let (edit, alpha) = Edit::open(inputs, clip.info().size, None, report, context)?;
+        Ok(Self {
+            clip,
+            output,
+            edit,
+            alpha,
+        })
     }
 }
 
@@ -393,14 +502,15 @@ struct EditOutput<'a> {
     phase: &'static str,
 }
 
-/// Writes the frames of a clip, each changed by `change`.
-fn write_frames<O: Operation>(
+/// Writes the frames of a clip, each changed by `change`, which gets what `read` gives for it.
+fn write_frames<O: Operation, S: Send>(
     operation: &O,
     files: &EditOutput<'_>,
     clip: Clip,
     report: &mut Report,
     context: &Context,
-    mut change: impl FnMut(&Shot) -> Result<Colors, JobError> + Send,
+    read: impl FnMut(&Shot) -> Result<S, JobError> + Send,
+    change: impl Fn(&Shot, S) -> Result<Colors, JobError> + Sync,
 ) -> Result<(), JobError> {
     let total = clip.info().frames;
     let mut reader = Reader::new(clip, files.input, files.range)?;
@@ -414,13 +524,11 @@ fn write_frames<O: Operation>(
         pixels: None,
         phase: (files.phase, total),
     };
-    let rewritten = rewrite(&target, &mut reader, report, context, |shot, done| {
-        if done {
-            return Ok(None);
-        }
+    let change = |shot: &Shot, side: S| {
         let deep = is_deep(&shot.image);
-        Ok(Some(drawn(&change(shot)?, deep)))
-    })?;
+        Ok((drawn(&change(shot, side)?, deep), ()))
+    };
+    let rewritten = rewrite_each(&target, &mut reader, report, context, read, change, drop)?;
     reader.warn(report);
     report.figures.insert("frames", rewritten.count as f64);
     rewritten.finish(report)

@@ -1,6 +1,8 @@
 //! `video overlay`: a picture or clip with alpha over a clip, on a tracked plane if wanted, behind the foreground if wanted.
 
-use super::{AlphaSource, EditOutput, FrameEdit, SideInput, map_of, write_frames};
+use super::{
+    AlphaSource, Beside, EditOutput, FrameEdit, ShotFrames, SideInput, SidePixels, Sides, map_of,
+};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::matte::FrameMattes;
@@ -14,7 +16,7 @@ use crate::video::{Encoding, FrameRange, clip_folders, clip_outputs, folder_or_c
 use glam::{DVec2, dvec2};
 use ravec::matting::Colors;
 use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{AnyImage, Image, Plane, Size, Srgba};
+use ravec::raster::{AnyImage, Image, Size, Srgba};
 use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -177,7 +179,7 @@ impl Operation for Overlay {
         let output = folder_or_clip(&self.output, &self.inputs(), context)?;
         context.check_files(&self.inputs(), &[&output])?;
         let clip = open_clip(&self.input, None, &mut report, context)?;
-        let mut frames = self.frames(clip.info().size, None, &mut report, context)?;
+        let frames = self.frames(clip.info().size, None, &mut report, context)?;
         let files = EditOutput {
             input: &self.input,
             output: &output,
@@ -186,9 +188,7 @@ impl Operation for Overlay {
             encoding: &self.params.encoding,
             phase: "overlay",
         };
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            frames.result(shot.index, &shot.image, context)
-        })?;
+        frames.write(self, &files, clip, &mut report, context)?;
         Ok(report)
     }
 }
@@ -224,7 +224,7 @@ impl Overlay {
         live: Option<FrameMattes>,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit>, JobError> {
+    ) -> Result<ShotFrames, JobError> {
         self.check()?;
         let params = &self.params;
         let image = SideInput::open(&self.image, report, context)?;
@@ -254,16 +254,24 @@ impl Overlay {
                 })
             }
         };
-        Ok(Box::new(Frames {
+        let edit = Frames {
             image_from_reference: self.image_from_reference(size, image.size())?,
             size,
-            image,
-            still: None,
+            pixels: SidePixels::new(&image, premultiplied),
             track,
             track_path: self.track.clone(),
-            front,
             params: params.clone(),
-        }))
+        };
+        let is_seen = params.opacity > 0.0;
+        Ok(ShotFrames {
+            sides: Sides {
+                range: params.frames.unwrap_or_default(),
+                alpha: front.filter(|_| is_seen),
+                picture: is_seen.then_some(image),
+                front: None,
+            },
+            edit: Box::new(edit),
+        })
     }
 
     /// Map to the picture from the reference frame.
@@ -295,13 +303,10 @@ impl Overlay {
 /// Frames with the picture over them.
 struct Frames {
     size: Size,
-    image: SideInput,
-    /// Pixels of a picture, the same for all frames.
-    still: Option<Image<[f32; 4]>>,
+    pixels: SidePixels<[f32; 4]>,
     image_from_reference: Homography,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
-    front: Option<AlphaSource>,
     params: Params,
 }
 
@@ -313,23 +318,20 @@ fn premultiplied(image: &AnyImage) -> Image<[f32; 4]> {
 
 impl FrameEdit for Frames {
     fn result(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        beside: Beside,
         context: &Context,
     ) -> Result<Colors, JobError> {
         let colors = encoded(image);
         let params = &self.params;
-        let range = params.frames.unwrap_or_default();
-        // ranges by time are refused
-        if range.contains(index) != Some(true) || params.opacity <= 0.0 {
+        // beyond the range, or transparent
+        let Some(picture) = &beside.picture else {
             return Ok(colors);
-        }
-        let map = map_of(self.track.as_ref(), self.track_path.as_deref(), index)?;
-        let premultiplied = match self.still.take() {
-            Some(still) => still,
-            None => premultiplied(&self.image.frame(index)?),
         };
+        let map = map_of(self.track.as_ref(), self.track_path.as_deref(), index)?;
+        let premultiplied = self.pixels.of(picture);
         let image_from_frame = self.image_from_reference * map.inverse();
         let progress = context.progress.silent();
         let nothing = Beyond::Pixel([0.0; 4]);
@@ -340,13 +342,7 @@ impl FrameEdit for Frames {
             nothing,
             &progress,
         )?;
-        if matches!(self.image, SideInput::Still(_)) {
-            self.still = Some(premultiplied);
-        }
-        let front: Option<Plane> = match &mut self.front {
-            Some(front) => Some(front.of(index, image, context)?),
-            None => None,
-        };
+        let front = beside.alpha;
         Ok(Colors::from_fn(self.size, |col, row| {
             let [r, g, b, alpha] = laid[(col, row)];
             let below = colors[(col, row)];

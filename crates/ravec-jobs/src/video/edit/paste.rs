@@ -1,8 +1,8 @@
 //! `video paste`: the foreground of a clip in another one, on the plane of each.
 
 use super::{
-    Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotParams, SideInput,
-    map_of, read_track, write_frames,
+    AlphaSource, Beside, Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit,
+    ShotFrames, ShotParams, SideInput, SidePixels, Sides, map_of, read_track, write_frames,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -14,7 +14,7 @@ use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::video::{Encoding, FrameRange, clip_folders, clip_outputs};
 use ravec::matting::Colors;
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, Plane, Size};
+use ravec::raster::{AnyImage, Mask, Plane, Size};
 use ravec::video_edit::{Layer, contact_shadow};
 use ravec_video::FrameSource as _;
 use serde::{Deserialize, Serialize};
@@ -146,19 +146,22 @@ impl Operation for Paste {
         let mut report = Report::of(self, &self.params);
         self.check()?;
         let inputs = self.edit_inputs();
-        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let OpenEdit {
+            clip,
+            output,
+            edit,
+            alpha,
+        } = OpenEdit::new(self, &inputs, &mut report, context)?;
         let into = SideInput::open(&self.into, &mut report, context)?;
-        let scene = self.scene(edit.size, into.size(), &mut report, context)?;
+        let (scene, front) = self.scene(edit.size, into.size(), &mut report, context)?;
         let files = EditOutput {
             size: Some(into.size()),
             ..inputs.output(&output, "paste")
         };
         match into {
             SideInput::Still(_) => {
-                let mut frames = Frames { edit, scene, into };
-                write_frames(self, &files, clip, &mut report, context, |shot| {
-                    frames.result(shot.index, &shot.image, context)
-                })?;
+                let frames = Frames::of(edit, alpha, scene, front, into);
+                frames.write(self, &files, clip, &mut report, context)?;
             }
             SideInput::Clip { clip: into, .. } => {
                 // the times and the sound are those of the second clip
@@ -169,14 +172,30 @@ impl Operation for Paste {
                         .map_or_else(FrameRange::default, |n| FrameRange::between(&(0..n))),
                     ..files
                 };
-                let first = &mut SideInput::of(clip, &self.input);
-                // borrowed for this thread alone: clips cannot be shared
-                let (edit, scene) = (&mut { edit }, &mut { scene });
-                write_frames(self, &files, *into, &mut report, context, |shot| {
-                    let image = first.frame(shot.index)?;
-                    let frame = edit.frame(shot.index, &image, context)?;
-                    scene.paste(&frame, &encoded(&shot.image), context)
-                })?;
+                let mut first = SideInput::of(clip, &self.input);
+                let mut sides = Sides {
+                    alpha: Some(alpha),
+                    front,
+                    ..Sides::default()
+                };
+                write_frames(
+                    self,
+                    &files,
+                    *into,
+                    &mut report,
+                    context,
+                    |shot| {
+                        let image = first.frame(shot.index)?;
+                        let beside = sides.of(shot.index, &image, context)?;
+                        Ok((image, beside))
+                    },
+                    |shot, (image, beside)| {
+                        let index = shot.index;
+                        let frame = edit.frame(index, &image, beside.alpha, context)?;
+                        let into = encoded(&shot.image);
+                        scene.paste(index, &frame, &into, beside.front.as_ref(), context)
+                    },
+                )?;
             }
         }
         Ok(report)
@@ -200,13 +219,14 @@ impl ShotEdit for Paste {
     fn frames(
         &self,
         edit: Edit,
+        alpha: AlphaSource,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit>, JobError> {
+    ) -> Result<ShotFrames, JobError> {
         self.check()?;
         let into = SideInput::open(&self.into, report, context)?;
-        let scene = self.scene(edit.size, into.size(), report, context)?;
-        Ok(Box::new(Frames { edit, scene, into }))
+        let (scene, front) = self.scene(edit.size, into.size(), report, context)?;
+        Ok(Frames::of(edit, alpha, scene, front, into))
     }
 }
 
@@ -214,19 +234,48 @@ impl ShotEdit for Paste {
 struct Frames {
     edit: Edit,
     scene: Scene,
-    into: SideInput,
+    into: SidePixels<[f32; 3]>,
+}
+
+impl Frames {
+    fn of(
+        edit: Edit,
+        alpha: AlphaSource,
+        scene: Scene,
+        front: Option<Exclusions>,
+        into: SideInput,
+    ) -> ShotFrames {
+        let pixels = SidePixels::new(&into, encoded);
+        ShotFrames {
+            sides: Sides {
+                alpha: Some(alpha),
+                picture: Some(into),
+                front,
+                ..Sides::default()
+            },
+            edit: Box::new(Self {
+                edit,
+                scene,
+                into: pixels,
+            }),
+        }
+    }
 }
 
 impl FrameEdit for Frames {
     fn result(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        beside: Beside,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, context)?;
-        let into = encoded(&self.into.frame(index)?);
-        self.scene.paste(&frame, &into, context)
+        let frame = self.edit.frame(index, image, beside.alpha, context)?;
+        let Some(into) = &beside.picture else {
+            return Ok(frame.colors);
+        };
+        let (into, front) = (self.into.of(into), beside.front.as_ref());
+        self.scene.paste(index, &frame, &into, front, context)
     }
 }
 
@@ -251,22 +300,22 @@ struct Scene {
     size: Size,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
-    /// Matte of what stands in front.
-    front: Option<Exclusions>,
     /// Map from the reference frame of the first clip to that of this one.
     into_from_reference: Homography,
     shadow: f32,
 }
 
 impl Scene {
-    /// A frame of this clip with the foreground of the same frame of the first one.
+    /// A frame of this clip with the foreground of the same frame of the first one, behind what stands in front.
     fn paste(
-        &mut self,
+        &self,
+        index: u64,
         frame: &EditFrame,
         into: &Colors,
+        front: Option<&Mask>,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let into_map = map_of(self.track.as_ref(), self.track_path.as_deref(), frame.index)?;
+        let into_map = map_of(self.track.as_ref(), self.track_path.as_deref(), index)?;
         let into_from_frame = into_map * self.into_from_reference * frame.map.inverse();
         let progress = context.progress.silent();
         let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
@@ -275,10 +324,6 @@ impl Scene {
         if self.shadow > 0.0 {
             light = contact_shadow(&layer, SHADOW_HEIGHT, SHADOW_SOFTNESS_PX, self.shadow);
         }
-        let front = match &mut self.front {
-            Some(front) => front.of(frame.index)?,
-            None => None,
-        };
         if let Some(front) = front {
             layer = layer.behind(front.coverage())?;
             // the shadow lies behind it, too
@@ -333,13 +378,14 @@ impl Paste {
         read_track(path, &first, report, context).map(Some)
     }
 
+    /// The second clip, and the matte of what stands in front in it.
     fn scene(
         &self,
         size: Size,
         into: Size,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Scene, JobError> {
+    ) -> Result<(Scene, Option<Exclusions>), JobError> {
         let params = &self.params;
         let track = self.scene_track(report, context)?;
         let front = match &self.into_matte {
@@ -353,14 +399,14 @@ impl Paste {
             }
             None => None,
         };
-        Ok(Scene {
+        let scene = Scene {
             size: into,
             track,
             track_path: self.into_track.clone(),
-            front,
             into_from_reference: self.map_between_references(size, into)?,
             shadow: params.shadow,
-        })
+        };
+        Ok((scene, front))
     }
 
     /// Map from the reference frame of the first clip to that of the second one.

@@ -1,6 +1,6 @@
 //! Results of an edit of a shot for single frames, without the files that it would write.
 
-use super::{Edit, FrameEdit, ShotEdit, drawn};
+use super::{Edit, ShotEdit, ShotFrames, drawn};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::matte::FrameMattes;
@@ -27,7 +27,7 @@ use ravec::raster::{AnyImage, Size};
 /// # }
 /// ```
 pub struct ShotPreview {
-    frames: Box<dyn FrameEdit>,
+    frames: ShotFrames,
 }
 
 impl ShotPreview {
@@ -78,7 +78,9 @@ impl ShotPreview {
         image: &AnyImage,
         context: &Context,
     ) -> Result<AnyImage, JobError> {
-        let colors = self.frames.result(index, image, context)?;
+        let ShotFrames { sides, edit } = &mut self.frames;
+        let beside = sides.of(index, image, context)?;
+        let colors = edit.result(index, image, beside, context)?;
         Ok(drawn(&colors, is_deep(image)))
     }
 }
@@ -88,9 +90,9 @@ fn frames<E: ShotEdit>(
     live: Option<FrameMattes>,
     size: Size,
     context: &Context,
-) -> Result<Box<dyn FrameEdit>, JobError> {
+) -> Result<ShotFrames, JobError> {
     let mut report = Report::new("preview", &());
     let inputs = operation.edit_inputs();
-    let edit = Edit::open(&inputs, size, live, &mut report, context)?;
-    operation.frames(edit, &mut report, context)
+    let (edit, alpha) = Edit::open(&inputs, size, live, &mut report, context)?;
+    operation.frames(edit, alpha, &mut report, context)
 }

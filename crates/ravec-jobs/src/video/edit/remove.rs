@@ -1,6 +1,9 @@
 //! `video remove`: foreground removed from a clip, so that its plate shows through.
 
-use super::{Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotParams, write_frames};
+use super::{
+    AlphaSource, Beside, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams,
+    Sides,
+};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
@@ -108,12 +111,10 @@ impl Operation for Remove {
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let mut report = Report::of(self, &self.params);
         let inputs = self.edit_inputs();
-        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let mut frames = self.frames(edit, &mut report, context)?;
-        let files = inputs.output(&output, "remove");
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            frames.result(shot.index, &shot.image, context)
-        })?;
+        let open = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let frames = self.frames(open.edit, open.alpha, &mut report, context)?;
+        let files = inputs.output(&open.output, "remove");
+        frames.write(self, &files, open.clip, &mut report, context)?;
         Ok(report)
     }
 }
@@ -135,11 +136,18 @@ impl ShotEdit for Remove {
     fn frames(
         &self,
         edit: Edit,
+        alpha: AlphaSource,
         _report: &mut Report,
         _context: &Context,
-    ) -> Result<Box<dyn FrameEdit>, JobError> {
+    ) -> Result<ShotFrames, JobError> {
         let grain = self.params.grain;
-        Ok(Box::new(Frames { edit, grain }))
+        Ok(ShotFrames {
+            sides: Sides {
+                alpha: Some(alpha),
+                ..Sides::default()
+            },
+            edit: Box::new(Frames { edit, grain }),
+        })
     }
 }
 
@@ -151,18 +159,19 @@ struct Frames {
 
 impl FrameEdit for Frames {
     fn result(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        beside: Beside,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, context)?;
+        let frame = self.edit.frame(index, image, beside.alpha, context)?;
         let removal = Removal {
             frame: &frame.colors,
             alpha: &frame.alpha,
             background: &frame.background,
             known: &frame.known,
-            grain: (self.grain == Grain::Matched).then_some(frame.index),
+            grain: (self.grain == Grain::Matched).then_some(index),
         };
         Ok(removal.result()?)
     }

@@ -1,6 +1,9 @@
 //! `video replace`: another picture or clip on the plane of a shot, or behind its foreground.
 
-use super::{Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotParams, SideInput, write_frames};
+use super::{
+    AlphaSource, Beside, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams,
+    SideInput, SidePixels, Sides,
+};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::{Operation, paths};
@@ -119,12 +122,10 @@ impl Operation for Replace {
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let mut report = Report::of(self, &self.params);
         let inputs = self.edit_inputs();
-        let OpenEdit { clip, output, edit } = OpenEdit::new(self, &inputs, &mut report, context)?;
-        let mut frames = self.frames(edit, &mut report, context)?;
-        let files = inputs.output(&output, "replace");
-        write_frames(self, &files, clip, &mut report, context, |shot| {
-            frames.result(shot.index, &shot.image, context)
-        })?;
+        let open = OpenEdit::new(self, &inputs, &mut report, context)?;
+        let frames = self.frames(open.edit, open.alpha, &mut report, context)?;
+        let files = inputs.output(&open.output, "replace");
+        frames.write(self, &files, open.clip, &mut report, context)?;
         Ok(report)
     }
 }
@@ -146,31 +147,48 @@ impl ShotEdit for Replace {
     fn frames(
         &self,
         edit: Edit,
+        alpha: AlphaSource,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Box<dyn FrameEdit>, JobError> {
+    ) -> Result<ShotFrames, JobError> {
         let image = SideInput::open(&self.image, report, context)?;
         let place = Placement::new(&self.params, edit.size, image.size())?;
-        Ok(Box::new(Frames { edit, image, place }))
+        let pixels = SidePixels::new(&image, encoded);
+        Ok(ShotFrames {
+            sides: Sides {
+                alpha: Some(alpha),
+                picture: Some(image),
+                ..Sides::default()
+            },
+            edit: Box::new(Frames {
+                edit,
+                pixels,
+                place,
+            }),
+        })
     }
 }
 
 /// Frames before another background.
 struct Frames {
     edit: Edit,
-    image: SideInput,
+    pixels: SidePixels<[f32; 3]>,
     place: Placement,
 }
 
 impl FrameEdit for Frames {
     fn result(
-        &mut self,
+        &self,
         index: u64,
         image: &AnyImage,
+        beside: Beside,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, context)?;
-        let new = encoded(&self.image.frame(index)?);
+        let frame = self.edit.frame(index, image, beside.alpha, context)?;
+        let Some(new) = &beside.picture else {
+            return Ok(frame.colors);
+        };
+        let new = self.pixels.of(new);
         let image_from_frame = self.place.image_from_frame(&frame.map);
         let progress = context.progress.silent();
         let size = self.edit.size;
