@@ -15,7 +15,6 @@ use ravec::raster::{AnyImage, Image, Mask, Plane, Sample, Size, Srgb, Srgba};
 use ravec::video_edit::Interpolator;
 use serde::Deserialize;
 use std::path::Path;
-use std::sync::OnceLock;
 
 /// The largest file of a track that is read, in bytes.
 const MAX_TRACK_BYTES: u64 = 256 << 20;
@@ -174,8 +173,9 @@ pub(crate) struct ShotPlate {
     colors: Colors,
     /// Transparent pixels.
     unknown: Option<Mask>,
-    /// The plate for views of about its scale.
-    interpolator: OnceLock<Interpolator>,
+    /// The plate for views of about its scale, unless it has regions. It is prepared before frames are changed in parallel: a thread that
+    /// prepared it on demand could meet another frame that waits for it.
+    interpolator: Option<Interpolator>,
     pad_px: usize,
     /// The parts that lie on planes of their own, the foremost first; none if the plate is of one plane.
     regions: Vec<Region>,
@@ -185,7 +185,7 @@ pub(crate) struct ShotPlate {
 struct Region {
     /// Pixels that do not belong to it, or are transparent.
     unknown: Mask,
-    interpolator: OnceLock<Interpolator>,
+    interpolator: Interpolator,
     track: ShotTrack,
 }
 
@@ -215,10 +215,12 @@ impl ShotPlate {
                 pixels[(col, row)].0[3] < MIN_SHARE
             })
         });
+        let colors = encoded(picture);
+        let unknown = unknown.filter(|unknown| !unknown.is_empty());
         Self {
-            colors: encoded(picture),
-            unknown: unknown.filter(|unknown| !unknown.is_empty()),
-            interpolator: OnceLock::new(),
+            interpolator: Some(Interpolator::new(&colors, unknown.as_ref())),
+            colors,
+            unknown,
             pad_px,
             regions: Vec::new(),
         }
@@ -269,10 +271,13 @@ impl ShotPlate {
                 own.at(col, row) <= 0.0 || unknown.is_some_and(|unknown| unknown.at(col, row) > 0.0)
             });
             self.regions.push(Region {
+                interpolator: Interpolator::new(&self.colors, Some(&unknown)),
                 unknown,
-                interpolator: OnceLock::new(),
                 track,
             });
+        }
+        if !self.regions.is_empty() {
+            self.interpolator = None;
         }
         Ok(self)
     }
@@ -296,12 +301,12 @@ impl ShotPlate {
         size: Size,
         context: &Context,
     ) -> Result<PlateInFrame, JobError> {
-        let mut pixels = if self.regions.is_empty() {
-            let interpolator = &self.interpolator;
-            let unknown = self.unknown.as_ref();
-            self.warped(frame_from_reference, unknown, interpolator, size, context)?
-        } else {
-            Image::new(size, [0.0; 4])
+        let mut pixels = match &self.interpolator {
+            Some(interpolator) => {
+                let unknown = self.unknown.as_ref();
+                self.warped(frame_from_reference, unknown, interpolator, size, context)?
+            }
+            None => Image::new(size, [0.0; 4]),
         };
         for region in &self.regions {
             let Some(map) = region.track.map(index) else {
@@ -329,7 +334,7 @@ impl ShotPlate {
         &self,
         frame_from_reference: &Homography,
         unknown: Option<&Mask>,
-        interpolator: &OnceLock<Interpolator>,
+        interpolator: &Interpolator,
         size: Size,
         context: &Context,
     ) -> Result<Image<[f32; 4]>, JobError> {
@@ -340,9 +345,7 @@ impl ShotPlate {
         let scale = plate_from_frame.jacobian(middle).determinant().abs().sqrt();
         Ok(if scale < MAX_REDUCTION {
             context.progress.check()?;
-            interpolator
-                .get_or_init(|| Interpolator::new(&self.colors, unknown))
-                .view(&plate_from_frame, size)
+            interpolator.view(&plate_from_frame, size)
         } else {
             let known =
                 |at: (usize, usize)| unknown.is_none_or(|unknown| unknown.at(at.0, at.1) <= 0.0);

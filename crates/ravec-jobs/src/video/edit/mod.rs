@@ -32,7 +32,7 @@ use ravec_video::{Clip, FrameSource as _};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Alpha below which a pixel shows background alone.
 const MAX_ALPHA: f32 = 0.012;
@@ -389,10 +389,6 @@ impl SideInput {
         }
     }
 
-    fn is_still(&self) -> bool {
-        matches!(self, Self::Still(_))
-    }
-
     fn size(&self) -> Size {
         match self {
             Self::Still(image) => image.size(),
@@ -427,26 +423,24 @@ impl SideInput {
 /// Pixels of a [`SideInput`] as an edit needs them; those of a picture are kept.
 struct SidePixels<P: Pixel> {
     convert: fn(&AnyImage) -> Image<P>,
-    is_still: bool,
-    still: OnceLock<Image<P>>,
+    still: Option<Image<P>>,
 }
 
 impl<P: Pixel> SidePixels<P> {
     /// Pixels of the frames of `input`.
     fn new(input: &SideInput, convert: fn(&AnyImage) -> Image<P>) -> Self {
-        Self {
-            convert,
-            is_still: input.is_still(),
-            still: OnceLock::new(),
-        }
+        let still = match input {
+            SideInput::Still(picture) => Some(convert(picture)),
+            SideInput::Clip { .. } => None,
+        };
+        Self { convert, still }
     }
 
     /// The pixels of a frame.
     fn of(&self, frame: &AnyImage) -> Cow<'_, Image<P>> {
-        if self.is_still {
-            Cow::Borrowed(self.still.get_or_init(|| (self.convert)(frame)))
-        } else {
-            Cow::Owned((self.convert)(frame))
+        match &self.still {
+            Some(still) => Cow::Borrowed(still),
+            None => Cow::Owned((self.convert)(frame)),
         }
     }
 }
