@@ -74,14 +74,16 @@ pub(crate) fn rewrite_each<S: Send, T: Send>(
         if done {
             return Ok(shots.iter().map(|_| None).collect());
         }
-        let sides: Result<Vec<S>, _> = shots.iter().map(&mut read).collect();
-        let pairs = shots.par_iter().zip(sides?);
-        let changed: Result<Vec<_>, _> = pairs.map(|(shot, side)| change(shot, side)).collect();
-        let images = changed?.into_iter().map(|(image, found)| {
+        let sides: Vec<Result<S, _>> = shots.iter().map(&mut read).collect();
+        let pairs = shots.par_iter().zip(sides);
+        let changed: Vec<Result<_, _>> = pairs.map(|(shot, side)| change(shot, side?)).collect();
+        // the error of the first frame that has one, on any number of threads
+        let images = changed.into_iter().map(|changed| {
+            let (image, found) = changed?;
             record(found);
-            Some(image)
+            Ok(Some(image))
         });
-        Ok(images.collect())
+        images.collect()
     })
 }
 
