@@ -171,19 +171,23 @@ impl Enhancement<'_> {
         });
         let rest = resized(&rest, double, ResizeFilter::CatmullRom);
         let alpha = resize(self.alpha, double, ResizeFilter::CatmullRom);
-        let plain = resized(self.frame, double, ResizeFilter::CatmullRom);
-        Ok(Image::from_fn(double, |col, row| {
-            let at = (col, row);
-            let alpha = alpha[at].clamp(0.0, 1.0);
-            let (sharp, shown) = (
-                exposure.applied(self.photo[at]),
-                self.shown[at].clamp(0.0, 1.0),
-            );
-            [0, 1, 2].map(|c| {
-                let front = rest[at][c].clamp(0.0, alpha) + (1.0 - alpha) * sharp[c];
-                shown * front + (1.0 - shown) * plain[at][c]
-            })
-        }))
+        // where the photo is not shown, the frame is enlarged; in place, for pictures of this size are large
+        let mut result = resized(self.frame, double, ResizeFilter::CatmullRom);
+        result.for_each_row(|row, out| {
+            for (col, out) in out.iter_mut().enumerate() {
+                let at = (col, row);
+                let alpha = alpha[at].clamp(0.0, 1.0);
+                let (sharp, shown) = (
+                    exposure.applied(self.photo[at]),
+                    self.shown[at].clamp(0.0, 1.0),
+                );
+                *out = [0, 1, 2].map(|c| {
+                    let front = rest[at][c].clamp(0.0, alpha) + (1.0 - alpha) * sharp[c];
+                    shown * front + (1.0 - shown) * out[c]
+                });
+            }
+        });
+        Ok(result)
     }
 }
 

@@ -226,6 +226,7 @@ impl FrameEdit for Frames {
         }
         let shown = laid.map(|[_, _, _, share]| if share > 0.999 { 1.0 } else { 0.0 });
         let colors = laid.map(|[r, g, b, _]| [r, g, b].map(|value| value.clamp(0.0, 1.0)));
+        drop(laid);
         let enhancement = Enhancement {
             frame: &frame.colors,
             alpha: &frame.alpha,
