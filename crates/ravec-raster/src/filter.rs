@@ -112,58 +112,69 @@ pub(crate) fn pad<P: Average>(row: &[P], reach: usize, padded: &mut Vec<f32>) {
 
 /// `out[i] = k[0] · center[i] + Σ k[tap] · (before[i] + after[i])`, where `taps` are the two slices of each distance.
 pub(crate) fn weigh(out: &mut [f32], kernel: &[f32], taps: &[(&[f32], &[f32])]) {
-    dispatch!(Level::new(), simd => weigh_on(simd, out, kernel, taps));
-}
-
-#[inline(always)]
-fn weigh_on<S: Simd>(_simd: S, out: &mut [f32], kernel: &[f32], taps: &[(&[f32], &[f32])]) {
-    let (chunks, rest) = out.as_chunks_mut::<LANES>();
-    for (index, chunk) in chunks.iter_mut().enumerate() {
-        *chunk = weigh_lanes(index * LANES, kernel, taps);
-    }
-    if rest.is_empty() {
-        return;
-    }
-    // the last lanes of a row, some of them once more
-    let count = out.len();
-    if let Some(last) = out.last_chunk_mut::<LANES>() {
-        *last = weigh_lanes(count - LANES, kernel, taps);
-        return;
-    }
-    for (at, value) in out.iter_mut().enumerate() {
-        *value = kernel[0] * taps[0].0[at];
-        for (&weight, (before, after)) in kernel.iter().zip(taps).skip(1) {
-            *value += weight * (before[at] + after[at]);
-        }
-    }
-}
-
-/// The sums of [`LANES`] neighbors from `start`.
-#[inline(always)]
-fn weigh_lanes(start: usize, kernel: &[f32], taps: &[(&[f32], &[f32])]) -> [f32; LANES] {
-    let mut sums = [0.0f32; LANES];
-    for (sum, value) in sums.iter_mut().zip(&taps[0].0[start..start + LANES]) {
-        *sum = kernel[0] * value;
-    }
-    for (&weight, (before, after)) in kernel.iter().zip(taps).skip(1) {
-        let (before, after) = (&before[start..start + LANES], &after[start..start + LANES]);
-        for ((sum, a), b) in sums.iter_mut().zip(before).zip(after) {
-            *sum += weight * (a + b);
-        }
-    }
-    sums
+    fill(out, &SymmetricTaps { kernel, taps });
 }
 
 /// `out[i] = Σ weight · row[i]` over rows as long as `out`, each with its weight.
 pub(crate) fn sum_weighed(out: &mut [f32], rows: &[(f32, &[f32])]) {
-    dispatch!(Level::new(), simd => sum_weighed_on(simd, out, rows));
+    fill(out, &WeightedRows(rows));
+}
+
+/// Weighted sums along a row.
+trait RowSums {
+    /// The sums of `N` neighbors from `start`.
+    fn sums<const N: usize>(&self, start: usize) -> [f32; N];
+}
+
+/// Taps on both sides of a center with equal weights.
+struct SymmetricTaps<'a> {
+    kernel: &'a [f32],
+    taps: &'a [(&'a [f32], &'a [f32])],
+}
+
+impl RowSums for SymmetricTaps<'_> {
+    #[inline(always)]
+    fn sums<const N: usize>(&self, start: usize) -> [f32; N] {
+        let mut sums = [0.0f32; N];
+        for (sum, value) in sums.iter_mut().zip(&self.taps[0].0[start..start + N]) {
+            *sum = self.kernel[0] * value;
+        }
+        for (&weight, (before, after)) in self.kernel.iter().zip(self.taps).skip(1) {
+            let (before, after) = (&before[start..start + N], &after[start..start + N]);
+            for ((sum, a), b) in sums.iter_mut().zip(before).zip(after) {
+                *sum += weight * (a + b);
+            }
+        }
+        sums
+    }
+}
+
+/// Rows and their weights.
+struct WeightedRows<'a>(&'a [(f32, &'a [f32])]);
+
+impl RowSums for WeightedRows<'_> {
+    #[inline(always)]
+    fn sums<const N: usize>(&self, start: usize) -> [f32; N] {
+        let mut sums = [0.0f32; N];
+        for (weight, row) in self.0 {
+            for (sum, value) in sums.iter_mut().zip(&row[start..start + N]) {
+                *sum += weight * value;
+            }
+        }
+        sums
+    }
+}
+
+/// Fills a row with sums, in the widest vectors of the machine.
+fn fill(out: &mut [f32], row: &impl RowSums) {
+    dispatch!(Level::new(), simd => fill_on(simd, out, row));
 }
 
 #[inline(always)]
-fn sum_weighed_on<S: Simd>(_simd: S, out: &mut [f32], rows: &[(f32, &[f32])]) {
+fn fill_on<S: Simd>(_simd: S, out: &mut [f32], row: &impl RowSums) {
     let (chunks, rest) = out.as_chunks_mut::<LANES>();
     for (index, chunk) in chunks.iter_mut().enumerate() {
-        *chunk = sum_weighed_lanes(index * LANES, rows);
+        *chunk = row.sums(index * LANES);
     }
     if rest.is_empty() {
         return;
@@ -171,24 +182,12 @@ fn sum_weighed_on<S: Simd>(_simd: S, out: &mut [f32], rows: &[(f32, &[f32])]) {
     // the last lanes of a row, some of them once more
     let count = out.len();
     if let Some(last) = out.last_chunk_mut::<LANES>() {
-        *last = sum_weighed_lanes(count - LANES, rows);
+        *last = row.sums(count - LANES);
         return;
     }
     for (at, value) in out.iter_mut().enumerate() {
-        *value = rows.iter().map(|(weight, row)| weight * row[at]).sum();
+        [*value] = row.sums(at);
     }
-}
-
-/// The sums of [`LANES`] neighbors from `start`.
-#[inline(always)]
-fn sum_weighed_lanes(start: usize, rows: &[(f32, &[f32])]) -> [f32; LANES] {
-    let mut sums = [0.0f32; LANES];
-    for (weight, row) in rows {
-        for (sum, value) in sums.iter_mut().zip(&row[start..start + LANES]) {
-            *sum += weight * value;
-        }
-    }
-    sums
 }
 
 /// The first derivatives of a plane, in units of its values a pixel.

@@ -1,8 +1,8 @@
 //! `video enhance`: a clip twice as large, whose plane comes from a sharp photo.
 
 use super::{
-    AlphaSource, Beside, Edit, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotFrames,
-    ShotParams, Sides,
+    AlphaSource, Edit, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotFrames,
+    ShotParams, SideData, SideInputs,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -178,9 +178,9 @@ impl ShotEdit for Enhance {
         let size = doubled(edit.size, context)?;
         let photo = self.photo_on_plane(edit.size, report, context)?;
         Ok(ShotFrames {
-            sides: Sides {
+            sides: SideInputs {
                 alpha: Some(alpha),
-                ..Sides::default()
+                ..SideInputs::default()
             },
             edit: Box::new(Frames {
                 edit,
@@ -205,10 +205,10 @@ impl FrameEdit for Frames {
         &self,
         index: u64,
         image: &AnyImage,
-        beside: Beside,
+        side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, beside.alpha, context)?;
+        let frame = self.edit.frame(index, image, side.alpha, context)?;
         let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
         let photo = &self.photo;
         let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;

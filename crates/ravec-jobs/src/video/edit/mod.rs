@@ -94,19 +94,19 @@ impl<'a> EditInputs<'a> {
 
 /// Work of an edit on one frame. Frames do not depend on each other.
 trait FrameEdit: Send + Sync {
-    /// The result for a frame and what other clips have for it.
+    /// The result for a frame and its data of the side inputs.
     fn result(
         &self,
         index: u64,
         image: &AnyImage,
-        beside: Beside,
+        side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError>;
 }
 
 /// Frames of an edit.
 struct ShotFrames {
-    sides: Sides,
+    sides: SideInputs,
     edit: Box<dyn FrameEdit>,
 }
 
@@ -128,15 +128,15 @@ impl ShotFrames {
             report,
             context,
             |shot| sides.of(shot.index, &shot.image, context),
-            |shot, beside| edit.result(shot.index, &shot.image, beside, context),
+            |shot, side| edit.result(shot.index, &shot.image, side, context),
         )
     }
 }
 
-/// Clips that an edit reads in step with its own.
+/// Inputs that an edit reads in step with its clip.
 #[derive(Default)]
-struct Sides {
-    /// Frames for which they are read.
+struct SideInputs {
+    /// Frames for which they are read; all by default.
     range: FrameRange,
     /// Alpha of the foreground.
     alpha: Option<AlphaSource>,
@@ -146,27 +146,32 @@ struct Sides {
     front: Option<Exclusions>,
 }
 
-/// What other clips have for a frame.
+/// Data of the side inputs for one frame.
 #[derive(Default)]
-struct Beside {
+struct SideData {
     alpha: Option<Plane>,
     picture: Option<Arc<AnyImage>>,
     front: Option<Mask>,
 }
 
-impl Sides {
+impl SideInputs {
     /// Reads what belongs to a frame. Frames are read forward fastest.
     ///
     /// # Errors
     /// [`JobError::ClipTooShort`], [`JobError::ReadClip`].
-    fn of(&mut self, index: u64, image: &AnyImage, context: &Context) -> Result<Beside, JobError> {
+    fn of(
+        &mut self,
+        index: u64,
+        image: &AnyImage,
+        context: &Context,
+    ) -> Result<SideData, JobError> {
         if self.range.contains(index) != Some(true) {
-            return Ok(Beside::default());
+            return Ok(SideData::default());
         }
         let alpha = self.alpha.as_mut();
         let picture = self.picture.as_mut();
         let front = self.front.as_mut();
-        Ok(Beside {
+        Ok(SideData {
             alpha: alpha
                 .map(|alpha| alpha.of(index, image, context))
                 .transpose()?,

@@ -1,7 +1,8 @@
 //! `video overlay`: a picture or clip with alpha over a clip, on a tracked plane if wanted, behind the foreground if wanted.
 
 use super::{
-    AlphaSource, Beside, EditOutput, FrameEdit, ShotFrames, SideInput, SidePixels, Sides, map_of,
+    AlphaSource, EditOutput, FrameEdit, ShotFrames, SideData, SideInput, SideInputs, SidePixels,
+    map_of,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -264,7 +265,7 @@ impl Overlay {
         };
         let is_seen = params.opacity > 0.0;
         Ok(ShotFrames {
-            sides: Sides {
+            sides: SideInputs {
                 range: params.frames.unwrap_or_default(),
                 alpha: front.filter(|_| is_seen),
                 picture: is_seen.then_some(image),
@@ -321,13 +322,13 @@ impl FrameEdit for Frames {
         &self,
         index: u64,
         image: &AnyImage,
-        beside: Beside,
+        side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError> {
         let colors = encoded(image);
         let params = &self.params;
         // beyond the range, or transparent
-        let Some(picture) = &beside.picture else {
+        let Some(picture) = &side.picture else {
             return Ok(colors);
         };
         let map = map_of(self.track.as_ref(), self.track_path.as_deref(), index)?;
@@ -342,7 +343,7 @@ impl FrameEdit for Frames {
             nothing,
             &progress,
         )?;
-        let front = beside.alpha;
+        let front = side.alpha;
         Ok(Colors::from_fn(self.size, |col, row| {
             let [r, g, b, alpha] = laid[(col, row)];
             let below = colors[(col, row)];

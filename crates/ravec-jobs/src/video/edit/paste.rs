@@ -1,8 +1,9 @@
 //! `video paste`: the foreground of a clip in another one, on the plane of each.
 
 use super::{
-    AlphaSource, Beside, Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit,
-    ShotFrames, ShotParams, SideInput, SidePixels, Sides, map_of, read_track, write_frames,
+    AlphaSource, Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit,
+    ShotFrames, ShotParams, SideData, SideInput, SideInputs, SidePixels, map_of, read_track,
+    write_frames,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -173,10 +174,10 @@ impl Operation for Paste {
                     ..files
                 };
                 let mut first = SideInput::of(clip, &self.input);
-                let mut sides = Sides {
+                let mut sides = SideInputs {
                     alpha: Some(alpha),
                     front,
-                    ..Sides::default()
+                    ..SideInputs::default()
                 };
                 write_frames(
                     self,
@@ -186,14 +187,14 @@ impl Operation for Paste {
                     context,
                     |shot| {
                         let image = first.frame(shot.index)?;
-                        let beside = sides.of(shot.index, &image, context)?;
-                        Ok((image, beside))
+                        let side = sides.of(shot.index, &image, context)?;
+                        Ok((image, side))
                     },
-                    |shot, (image, beside)| {
+                    |shot, (image, side)| {
                         let index = shot.index;
-                        let frame = edit.frame(index, &image, beside.alpha, context)?;
+                        let frame = edit.frame(index, &image, side.alpha, context)?;
                         let into = encoded(&shot.image);
-                        scene.paste(index, &frame, &into, beside.front.as_ref(), context)
+                        scene.paste(index, &frame, &into, side.front.as_ref(), context)
                     },
                 )?;
             }
@@ -247,11 +248,11 @@ impl Frames {
     ) -> ShotFrames {
         let pixels = SidePixels::new(&into, encoded);
         ShotFrames {
-            sides: Sides {
+            sides: SideInputs {
                 alpha: Some(alpha),
                 picture: Some(into),
                 front,
-                ..Sides::default()
+                ..SideInputs::default()
             },
             edit: Box::new(Self {
                 edit,
@@ -267,14 +268,14 @@ impl FrameEdit for Frames {
         &self,
         index: u64,
         image: &AnyImage,
-        beside: Beside,
+        side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, beside.alpha, context)?;
-        let Some(into) = &beside.picture else {
+        let frame = self.edit.frame(index, image, side.alpha, context)?;
+        let Some(into) = &side.picture else {
             return Ok(frame.colors);
         };
-        let (into, front) = (self.into.of(into), beside.front.as_ref());
+        let (into, front) = (self.into.of(into), side.front.as_ref());
         self.scene.paste(index, &frame, &into, front, context)
     }
 }

@@ -79,8 +79,8 @@ impl ShotPreview {
         context: &Context,
     ) -> Result<AnyImage, JobError> {
         let ShotFrames { sides, edit } = &mut self.frames;
-        let beside = sides.of(index, image, context)?;
-        let colors = edit.result(index, image, beside, context)?;
+        let side = sides.of(index, image, context)?;
+        let colors = edit.result(index, image, side, context)?;
         Ok(drawn(&colors, is_deep(image)))
     }
 }

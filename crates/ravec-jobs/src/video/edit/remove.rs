@@ -1,8 +1,8 @@
 //! `video remove`: foreground removed from a clip, so that its plate shows through.
 
 use super::{
-    AlphaSource, Beside, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams,
-    Sides,
+    AlphaSource, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams, SideData,
+    SideInputs,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -142,9 +142,9 @@ impl ShotEdit for Remove {
     ) -> Result<ShotFrames, JobError> {
         let grain = self.params.grain;
         Ok(ShotFrames {
-            sides: Sides {
+            sides: SideInputs {
                 alpha: Some(alpha),
-                ..Sides::default()
+                ..SideInputs::default()
             },
             edit: Box::new(Frames { edit, grain }),
         })
@@ -162,10 +162,10 @@ impl FrameEdit for Frames {
         &self,
         index: u64,
         image: &AnyImage,
-        beside: Beside,
+        side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, beside.alpha, context)?;
+        let frame = self.edit.frame(index, image, side.alpha, context)?;
         let removal = Removal {
             frame: &frame.colors,
             alpha: &frame.alpha,

@@ -1,8 +1,8 @@
 //! `video replace`: another picture or clip on the plane of a shot, or behind its foreground.
 
 use super::{
-    AlphaSource, Beside, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams,
-    SideInput, SidePixels, Sides,
+    AlphaSource, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams, SideData,
+    SideInput, SideInputs, SidePixels,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -155,10 +155,10 @@ impl ShotEdit for Replace {
         let place = Placement::new(&self.params, edit.size, image.size())?;
         let pixels = SidePixels::new(&image, encoded);
         Ok(ShotFrames {
-            sides: Sides {
+            sides: SideInputs {
                 alpha: Some(alpha),
                 picture: Some(image),
-                ..Sides::default()
+                ..SideInputs::default()
             },
             edit: Box::new(Frames {
                 edit,
@@ -181,11 +181,11 @@ impl FrameEdit for Frames {
         &self,
         index: u64,
         image: &AnyImage,
-        beside: Beside,
+        side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, beside.alpha, context)?;
-        let Some(new) = &beside.picture else {
+        let frame = self.edit.frame(index, image, side.alpha, context)?;
+        let Some(new) = &side.picture else {
             return Ok(frame.colors);
         };
         let new = self.pixels.of(new);
