@@ -86,8 +86,8 @@ With --regions all planes of the track are on the plate, each pixel in the view 
 
 Figures: frames, seen_percent, certainty (mean where something was seen), agreeing_percent (seen pixels whose color most frames have), invented_px; planes with --regions.";
 
-/// Share of pixels on which most frames agree below which a camera is taken to move. Cameras that stood still had 0.82 and more,
-/// cameras in the hand 0.5 and less.
+/// Share of pixels on which most frames agree below which a camera is taken to move. Cameras that stood still had 0.83 and more,
+/// cameras in motion 0.51 and less.
 const MIN_AGREEING: f64 = 0.6;
 
 /// Maximum number of planes of a plate.
@@ -449,7 +449,7 @@ impl Plate {
         let agreeing = plate.agreeing_share();
         if self.track.is_none() && agreeing < MIN_AGREEING {
             report.warn(format!(
-                "most frames agree on {:.0} % of the plate only: if the camera moves, follow the background by `ravec track` and give the track",
+                "most frames agree on {:.0} % of the plate only: if the camera moves, track the background with `ravec track` and give `track`",
                 100.0 * agreeing
             ));
         }
