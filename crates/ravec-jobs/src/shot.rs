@@ -168,25 +168,20 @@ impl ShotTrack {
     }
 }
 
-/// A background plate.
+/// A background plate, prepared for views of about its scale.
 pub(crate) struct ShotPlate {
-    colors: Colors,
-    /// Transparent pixels.
-    unknown: Option<Mask>,
-    /// The plate for views of about its scale, unless it has regions. It is prepared before frames are changed in parallel: a thread that
-    /// prepared it on demand could meet another frame that waits for it.
-    interpolator: Option<Interpolator>,
     pad_px: usize,
-    /// The parts that lie on planes of their own, the foremost first; none if the plate is of one plane.
-    regions: Vec<Region>,
+    /// Parts of the plate, the foremost first: at least one.
+    parts: Vec<PlatePart>,
 }
 
-/// The part of a plate that lies on a plane.
-struct Region {
-    /// Pixels that do not belong to it, or are transparent.
-    unknown: Mask,
+/// The part of a plate that lies on a plane. It is prepared before frames are changed in parallel: a thread that prepared it on demand
+/// could meet another frame that waits for it.
+struct PlatePart {
+    /// Pixels that belong to it and are not transparent.
     interpolator: Interpolator,
-    track: ShotTrack,
+    /// Track of its plane; `None` for that of the shot.
+    track: Option<ShotTrack>,
 }
 
 /// Files that say on which plane each pixel of a plate lies.
@@ -215,15 +210,19 @@ impl ShotPlate {
                 pixels[(col, row)].0[3] < MIN_SHARE
             })
         });
-        let colors = encoded(picture);
-        let unknown = unknown.filter(|unknown| !unknown.is_empty());
+        let interpolator = Interpolator::new(&encoded(picture), unknown.as_ref());
+        let whole = PlatePart {
+            interpolator,
+            track: None,
+        };
         Self {
-            interpolator: Some(Interpolator::new(&colors, unknown.as_ref())),
-            colors,
-            unknown,
             pad_px,
-            regions: Vec::new(),
+            parts: vec![whole],
         }
+    }
+
+    fn size(&self) -> Size {
+        self.parts[0].interpolator.size()
     }
 
     /// The same plate with its planes: gray values of the picture `regions` are their numbers in the track, from 1.
@@ -238,7 +237,7 @@ impl ShotPlate {
         context: &Context,
     ) -> Result<Self, JobError> {
         let picture = files::read(files.regions, report, context)?;
-        let size = self.colors.size();
+        let size = self.size();
         if picture.image.size() != size {
             return Err(JobError::SizesDiffer {
                 a: plate.to_path_buf(),
@@ -258,6 +257,8 @@ impl ShotPlate {
                 range: "a picture whose gray values are numbers of its planes",
             });
         }
+        let whole = &self.parts[0].interpolator;
+        let mut parts = Vec::new();
         for (index, track) in tracks.into_iter().enumerate() {
             let own = Mask::from_fn(size, |col, row| {
                 usize::from(numbers[(col, row)].0[0]) == index + 1
@@ -266,18 +267,14 @@ impl ShotPlate {
                 continue;
             }
             let own = own.dilate(SEAM_PX);
-            let unknown = self.unknown.as_ref();
-            let unknown = Mask::from_fn(size, |col, row| {
-                own.at(col, row) <= 0.0 || unknown.is_some_and(|unknown| unknown.at(col, row) > 0.0)
-            });
-            self.regions.push(Region {
-                interpolator: Interpolator::new(&self.colors, Some(&unknown)),
-                unknown,
-                track,
+            let others = Mask::from_fn(size, |col, row| own.at(col, row) <= 0.0);
+            parts.push(PlatePart {
+                interpolator: whole.without(&others),
+                track: Some(track),
             });
         }
-        if !self.regions.is_empty() {
-            self.interpolator = None;
+        if !parts.is_empty() {
+            self.parts = parts;
         }
         Ok(self)
     }
@@ -285,7 +282,7 @@ impl ShotPlate {
     /// The size of the frames to which the plate belongs.
     pub fn frame_size(&self) -> Option<Size> {
         let side = |length: usize| length.checked_sub(2 * self.pad_px);
-        let size = self.colors.size();
+        let size = self.size();
         Size::new(side(size.width())?, side(size.height())?).ok()
     }
 
@@ -301,26 +298,22 @@ impl ShotPlate {
         size: Size,
         context: &Context,
     ) -> Result<PlateInFrame, JobError> {
-        let mut pixels = match &self.interpolator {
-            Some(interpolator) => {
-                let unknown = self.unknown.as_ref();
-                self.warped(frame_from_reference, unknown, interpolator, size, context)?
-            }
-            None => Image::new(size, [0.0; 4]),
-        };
-        for region in &self.regions {
-            let Some(map) = region.track.map(index) else {
+        let mut front: Option<Image<[f32; 4]>> = None;
+        for part in &self.parts {
+            let map = match &part.track {
+                Some(track) => track.map(index),
+                None => Some(frame_from_reference),
+            };
+            let Some(map) = map else {
                 continue;
             };
-            let unknown = Some(&region.unknown);
-            let behind = self.warped(map, unknown, &region.interpolator, size, context)?;
-            for (pixel, behind) in pixels.pixels_mut().iter_mut().zip(behind.pixels()) {
-                let open = 1.0 - pixel[3].clamp(0.0, 1.0);
-                for (pixel, behind) in pixel.iter_mut().zip(behind) {
-                    *pixel += open * behind;
-                }
-            }
+            let behind = self.warped(map, &part.interpolator, size, context)?;
+            front = Some(match front {
+                Some(front) => over(front, &behind),
+                None => behind,
+            });
         }
+        let pixels = front.unwrap_or_else(|| Image::new(size, [0.0; 4]));
         let colors = pixels.map(|[r, g, b, share]| {
             let scale = if share > 1e-3 { 1.0 / share } else { 0.0 };
             [r * scale, g * scale, b * scale]
@@ -333,7 +326,6 @@ impl ShotPlate {
     fn warped(
         &self,
         frame_from_reference: &Homography,
-        unknown: Option<&Mask>,
         interpolator: &Interpolator,
         size: Size,
         context: &Context,
@@ -347,21 +339,28 @@ impl ShotPlate {
             context.progress.check()?;
             interpolator.view(&plate_from_frame, size)
         } else {
-            let known =
-                |at: (usize, usize)| unknown.is_none_or(|unknown| unknown.at(at.0, at.1) <= 0.0);
-            let pixels = Image::from_fn(self.colors.size(), |col, row| {
-                let [r, g, b] = self.colors[(col, row)];
-                if known((col, row)) {
-                    [r, g, b, 1.0]
-                } else {
-                    [0.0; 4]
-                }
-            });
             let progress = context.progress.silent();
             let nothing = Beyond::Pixel([0.0; 4]);
-            warp(&pixels, &plate_from_frame, size, nothing, &progress)?
+            warp(
+                &interpolator.pixels(),
+                &plate_from_frame,
+                size,
+                nothing,
+                &progress,
+            )?
         })
     }
+}
+
+/// Colors times share of `front`, and of `behind` where `front` leaves a share.
+fn over(mut front: Image<[f32; 4]>, behind: &Image<[f32; 4]>) -> Image<[f32; 4]> {
+    for (pixel, behind) in front.pixels_mut().iter_mut().zip(behind.pixels()) {
+        let open = 1.0 - pixel[3].clamp(0.0, 1.0);
+        for (pixel, behind) in pixel.iter_mut().zip(behind) {
+            *pixel += open * behind;
+        }
+    }
+    front
 }
 
 /// Refuses a map of planes without the track that has them.

@@ -122,28 +122,32 @@ fn pairs(plate: &Colors, frame: &Colors, usable: &dyn Fn(usize, usize) -> bool) 
 }
 
 /// A frame that is enhanced.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Enhancement<'a> {
     /// sRGB-encoded colors, 0 to 1.
     pub frame: &'a Colors,
     /// Alpha of the foreground.
     pub alpha: &'a Plane,
-    /// The photo on the plane in the view of the frame, in the tone of the plate, twice as large as the frame.
-    pub photo: &'a Colors,
-    /// Share of the photo in each of its pixels.
-    pub shown: &'a Plane,
+    /// The photo on the plane in the view of the frame, in the tone of the plate, twice as large as the frame: colors of 0 to 1, and the
+    /// share of the photo in each pixel.
+    pub photo: Image<[f32; 4]>,
 }
 
 impl Enhancement<'_> {
     /// The frame twice as large: the photo on the plane, in the light of the frame, and the enlarged foreground before it.
     ///
+    /// Beside the photo, one channel of this size is held at a time.
+    ///
     /// # Errors
     /// [`VideoEditError::SizesDiffer`].
-    pub fn result(&self) -> Result<Colors, VideoEditError> {
-        let size = self.frame.size();
-        let double = self.photo.size();
-        same_size(self.alpha.size(), size)?;
-        same_size(self.shown.size(), double)?;
+    pub fn result(self) -> Result<Colors, VideoEditError> {
+        let Self {
+            frame,
+            alpha,
+            mut photo,
+        } = self;
+        let (size, double) = (frame.size(), photo.size());
+        same_size(alpha.size(), size)?;
         let expected = Size::new(2 * size.width(), 2 * size.height());
         if expected.ok() != Some(double) {
             return Err(VideoEditError::SizesDiffer {
@@ -151,49 +155,64 @@ impl Enhancement<'_> {
                 expected: size,
             });
         }
-        let small = resized(self.photo, size, ResizeFilter::Box);
-        let small_shown = resize(self.shown, size, ResizeFilter::Box);
-        let near =
-            Mask::from_fn(size, |col, row| self.alpha[(col, row)] > MAX_ALPHA).dilate(MARGIN_PX);
-        let usable =
-            |col: usize, row: usize| near.at(col, row) <= 0.0 && small_shown[(col, row)] > 0.99;
-        let exposure = Exposure::fit(&pairs(&small, self.frame, &usable));
-        let lit = small.map(|color| exposure.applied(color));
-        // what the photo does not explain, enlarged, over the photo
-        let rest = Image::from_fn(size, |col, row| {
-            let at = (col, row);
-            let alpha = self.alpha[at].clamp(0.0, 1.0);
-            let (color, behind) = (self.frame[at], lit[at]);
-            if near.at(col, row) <= 0.0 {
-                return [0.0; 3];
-            }
-            [0, 1, 2].map(|c| (color[c] - (1.0 - alpha) * behind[c]).clamp(0.0, alpha))
-        });
-        let rest = resized(&rest, double, ResizeFilter::CatmullRom);
-        let alpha = resize(self.alpha, double, ResizeFilter::CatmullRom);
-        // where the photo is not shown, the frame is enlarged; in place, for pictures of this size are large
-        let mut result = resized(self.frame, double, ResizeFilter::CatmullRom);
-        result.for_each_row(|row, out| {
-            for (col, out) in out.iter_mut().enumerate() {
-                let at = (col, row);
-                let alpha = alpha[at].clamp(0.0, 1.0);
-                let (sharp, shown) = (
-                    exposure.applied(self.photo[at]),
-                    self.shown[at].clamp(0.0, 1.0),
-                );
-                *out = [0, 1, 2].map(|c| {
-                    let front = rest[at][c].clamp(0.0, alpha) + (1.0 - alpha) * sharp[c];
-                    shown * front + (1.0 - shown) * out[c]
-                });
-            }
-        });
-        Ok(result)
+        let Foreground { exposure, colors } = Foreground::of(frame, alpha, &photo);
+        let alpha = resize(alpha, double, ResizeFilter::CatmullRom);
+        for channel in 0..3 {
+            let enlarged = |colors: &Colors| {
+                let plane = colors.map(|color| color[channel]);
+                resize(&plane, double, ResizeFilter::CatmullRom)
+            };
+            // where the photo is not shown, the frame is enlarged
+            let (front, frame) = (enlarged(&colors), enlarged(frame));
+            let (gain, offset) = (exposure.gain[channel], exposure.offset[channel]);
+            photo.for_each_row(|row, pixels| {
+                let enlarged = front.row(row).iter().zip(frame.row(row));
+                let rest = enlarged.zip(alpha.row(row));
+                for (pixel, ((front, frame), alpha)) in pixels.iter_mut().zip(rest) {
+                    let alpha = alpha.clamp(0.0, 1.0);
+                    let shown = pixel[3].clamp(0.0, 1.0);
+                    let sharp = gain * pixel[channel] + offset;
+                    let front = front.clamp(0.0, alpha) + (1.0 - alpha) * sharp;
+                    pixel[channel] = shown * front + (1.0 - shown) * frame;
+                }
+            });
+        }
+        drop(alpha);
+        Ok(photo.map(|[r, g, b, _]| [r, g, b]))
     }
 }
 
-fn resized(colors: &Colors, size: Size, filter: ResizeFilter) -> Colors {
-    let planes = [0, 1, 2].map(|c| resize(&colors.map(|color| color[c]), size, filter));
-    Image::from_fn(size, |col, row| {
-        planes.each_ref().map(|plane| plane[(col, row)])
-    })
+/// What a photo does not explain of a frame, in the size of the frame.
+struct Foreground {
+    /// Light of the frame against the photo.
+    exposure: Exposure,
+    /// Colors times alpha.
+    colors: Colors,
+}
+
+impl Foreground {
+    fn of(frame: &Colors, alpha: &Plane, photo: &Image<[f32; 4]>) -> Self {
+        let size = frame.size();
+        let small = [0, 1, 2, 3].map(|channel| {
+            let plane = photo.map(|pixel| pixel[channel]);
+            resize(&plane, size, ResizeFilter::Box)
+        });
+        let [red, green, blue, shown] = &small;
+        let small = Image::from_fn(size, |col, row| {
+            [red, green, blue].map(|plane| plane[(col, row)])
+        });
+        let near = Mask::from_fn(size, |col, row| alpha[(col, row)] > MAX_ALPHA).dilate(MARGIN_PX);
+        let usable = |col: usize, row: usize| near.at(col, row) <= 0.0 && shown[(col, row)] > 0.99;
+        let exposure = Exposure::fit(&pairs(&small, frame, &usable));
+        let colors = Image::from_fn(size, |col, row| {
+            let at = (col, row);
+            if near.at(col, row) <= 0.0 {
+                return [0.0; 3];
+            }
+            let alpha = alpha[at].clamp(0.0, 1.0);
+            let (color, behind) = (frame[at], exposure.applied(small[at]));
+            [0, 1, 2].map(|c| (color[c] - (1.0 - alpha) * behind[c]).clamp(0.0, alpha))
+        });
+        Self { exposure, colors }
+    }
 }

@@ -38,7 +38,7 @@ static WEIGHTS: LazyLock<Vec<[f32; TAPS]>> = LazyLock::new(|| {
 
 /// A picture prepared for views of it. Pixels that are excluded and those that are not finite are left out.
 pub struct Interpolator {
-    /// Colors, and 1 for pixels that are not excluded.
+    /// Colors, and 1 for pixels that are not excluded; the outer part of a kernel reads the colors of the others.
     pixels: Image<[f32; 4]>,
     /// For the first pixel of each kernel: 1 if the inner part of the kernel meets an excluded pixel. `None` if there are none.
     excluded: Option<Image<u8>>,
@@ -57,11 +57,41 @@ impl Interpolator {
             }
         });
         Self {
-            pixels,
             excluded: excluded
                 .filter(|mask| !mask.is_empty())
-                .map(|mask| touched(mask, colors.size())),
+                .map(|_| touched(&pixels)),
+            pixels,
         }
+    }
+
+    /// The same picture, of which the pixels of `excluded` are left out as well.
+    #[must_use]
+    pub fn without(&self, excluded: &Mask) -> Self {
+        let mut pixels = self.pixels.clone();
+        pixels.for_each_row(|row, out| {
+            for (col, [_, _, _, share]) in out.iter_mut().enumerate() {
+                if excluded.at(col, row) > 0.0 {
+                    *share = 0.0;
+                }
+            }
+        });
+        Self {
+            excluded: Some(touched(&pixels)),
+            pixels,
+        }
+    }
+
+    /// Size of the picture.
+    pub fn size(&self) -> Size {
+        self.pixels.size()
+    }
+
+    /// Colors and 1; 0 where a pixel is excluded.
+    pub fn pixels(&self) -> Image<[f32; 4]> {
+        self.pixels.map(|pixel| {
+            let known = pixel[3] > 0.0;
+            if known { pixel } else { [0.0; 4] }
+        })
     }
 
     /// Colors seen through a map from the output, and 1 where the kernel lies in the picture and meets no pixel that is excluded; 0
@@ -140,18 +170,15 @@ impl Interpolator {
     }
 }
 
-/// For the first pixel of each kernel: 1 if the inner part of the kernel meets the mask.
-fn touched(mask: &Mask, size: Size) -> Image<u8> {
-    let coverage = mask.coverage();
+/// For the first pixel of each kernel: 1 if the inner part of the kernel meets an excluded pixel.
+fn touched(pixels: &Image<[f32; 4]>) -> Image<u8> {
+    let size = pixels.size();
     let mut across = Image::new(size, 0u8);
     across.for_each_row(|row, out| {
-        if row >= coverage.height() {
-            return;
-        }
-        let line = coverage.row(row);
+        let line = pixels.row(row);
         for offset in 1..TAPS - 1 {
-            for (out, coverage) in out.iter_mut().zip(line.iter().skip(offset)) {
-                *out |= u8::from(*coverage > 0.0);
+            for (out, pixel) in out.iter_mut().zip(line.iter().skip(offset)) {
+                *out |= u8::from(pixel[3] == 0.0);
             }
         }
     });

@@ -182,8 +182,10 @@ fn a_tone_is_found_and_a_photo_sharpens_the_background() {
     let enhancement = Enhancement {
         frame: &frame,
         alpha: &plain.alpha,
-        photo: &darker,
-        shown: &Plane::from_fn(double, |col, _| f32::from(u8::from(col < 200))),
+        photo: Image::from_fn(double, |col, row| {
+            let [r, g, b] = darker[(col, row)];
+            [r, g, b, f32::from(u8::from(col < 200))]
+        }),
     };
     let found = enhancement.result().unwrap();
     let mut largest = 0.0f32;
@@ -235,8 +237,7 @@ fn other_sizes_are_errors() {
     let enhancement = Enhancement {
         frame: &scene.frame,
         alpha: &scene.alpha,
-        photo: &scene.frame,
-        shown: &scene.known,
+        photo: scene.frame.map(|[r, g, b]| [r, g, b, 1.0]),
     };
     assert!(enhancement.result().is_err());
 }

@@ -1,8 +1,8 @@
 //! `video enhance`: a clip twice as large, whose plane comes from a sharp photo.
 
 use super::{
-    AlphaSource, Edit, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit, ShotFrames,
-    ShotParams, SideData, SideInputs,
+    AlphaSource, Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit,
+    ShotFrames, ShotParams, SideData, SideInputs,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -208,13 +208,19 @@ impl FrameEdit for Frames {
         side: SideData,
         context: &Context,
     ) -> Result<Colors, JobError> {
-        let frame = self.edit.frame(index, image, side.alpha, context)?;
+        let EditFrame {
+            colors,
+            alpha,
+            map,
+            blur,
+            ..
+        } = self.edit.frame(index, image, side.alpha, context)?;
         let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
         let photo = &self.photo;
-        let photo_from_output = (frame.map * photo.reference_from_photo).inverse() * half;
+        let photo_from_output = (map * photo.reference_from_photo).inverse() * half;
         let progress = context.progress.silent();
         let nothing = Beyond::Pixel([0.0; 4]);
-        let mut laid = warp(
+        let mut photo = warp(
             &photo.pixels,
             &photo_from_output,
             self.size,
@@ -222,16 +228,20 @@ impl FrameEdit for Frames {
             &progress,
         )?;
         if self.blur == PhotoBlur::Matched {
-            laid = elliptic_gaussian_blur(&laid, frame.blur.enlarged(2.0));
+            photo = elliptic_gaussian_blur(&photo, blur.enlarged(2.0));
         }
-        let shown = laid.map(|[_, _, _, share]| if share > 0.999 { 1.0 } else { 0.0 });
-        let colors = laid.map(|[r, g, b, _]| [r, g, b].map(|value| value.clamp(0.0, 1.0)));
-        drop(laid);
+        photo.for_each_row(|_, row| {
+            for [r, g, b, share] in row {
+                for value in [r, g, b] {
+                    *value = value.clamp(0.0, 1.0);
+                }
+                *share = if *share > 0.999 { 1.0 } else { 0.0 };
+            }
+        });
         let enhancement = Enhancement {
-            frame: &frame.colors,
-            alpha: &frame.alpha,
-            photo: &colors,
-            shown: &shown,
+            frame: &colors,
+            alpha: &alpha,
+            photo,
         };
         Ok(enhancement.result()?)
     }
@@ -282,19 +292,14 @@ impl Enhance {
         })?;
         report.figures.insert("photo_inliers", found.inliers as f64);
         report.figures.insert("photo_sigma_px", found.sigma_px());
-        let colors = encoded(&photo);
+        // pictures of photos are large: one copy of them is held at a time
+        let mut pixels = encoded(&photo).map(|[r, g, b]| [r, g, b, 1.0]);
+        drop(photo);
         let plate = encoded(&plate);
         let photo_from_plate = found.frame_from_photo.inverse();
         let progress = context.progress.silent();
-        let with_share = colors.map(|[r, g, b]| [r, g, b, 1.0]);
         let nothing = Beyond::Pixel([0.0; 4]);
-        let laid = warp(
-            &with_share,
-            &photo_from_plate,
-            plate.size(),
-            nothing,
-            &progress,
-        )?;
+        let laid = warp(&pixels, &photo_from_plate, plate.size(), nothing, &progress)?;
         // what lies beyond the reference frame may be invented
         let pad = shot.pad;
         let in_frame = |col: usize, row: usize| {
@@ -310,11 +315,13 @@ impl Enhance {
         let laid: Colors = laid.map(|[r, g, b, _]| [r, g, b]);
         let tone = Tone::fit(&laid, &plate, &share)?;
         let back = Homography::from_translation(-shift).unwrap_or(Homography::IDENTITY);
+        pixels.for_each_row(|_, row| {
+            for [r, g, b, _] in row {
+                [*r, *g, *b] = tone.applied([*r, *g, *b]);
+            }
+        });
         Ok(PhotoOnPlane {
-            pixels: colors.map(|color| {
-                let [r, g, b] = tone.applied(color);
-                [r, g, b, 1.0]
-            }),
+            pixels,
             reference_from_photo: back * found.frame_from_photo,
         })
     }

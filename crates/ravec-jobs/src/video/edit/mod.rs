@@ -27,7 +27,7 @@ use crate::track::rewrite::{Target, rewrite_each};
 use crate::video::{Encoding, FrameRange, folder_or_clip, is_clip, key_of, open_clip, read_error};
 use ravec::matting::{Colors, PlateLight};
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, BlurCovariance, Image, Mask, Pixel, Plane, Size, Srgb};
+use ravec::raster::{AnyImage, BlurCovariance, Image, Mask, Pixel, Plane, Sample as _, Size, Srgb};
 use ravec_video::{Clip, FrameSource as _};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -535,11 +535,10 @@ fn write_frames<O: Operation, S: Send>(
 
 /// Colors with as many bits as the clip has.
 fn drawn(colors: &Colors, deep: bool) -> AnyImage {
-    let encoded: Image<Srgb<f32>> = colors.map(Srgb);
     if deep {
-        AnyImage::Srgb16(encoded.with_samples())
+        AnyImage::Srgb16(colors.map(|color| Srgb(color.map(u16::from_unit))))
     } else {
-        AnyImage::Srgb8(encoded.with_samples())
+        AnyImage::Srgb8(colors.map(|color| Srgb(color.map(u8::from_unit))))
     }
 }
 
