@@ -22,7 +22,7 @@ const MAX_TRACK_BYTES: u64 = 256 << 20;
 const MAX_PAD_PX: usize = 1 << 14;
 /// Alpha of the plate below which its color says nothing.
 const MIN_SHARE: f32 = 0.5;
-/// Pixels of the plate for one of a frame, along each axis, above which they are averaged rather than interpolated.
+/// Pixels of a picture for one of the output, along an axis, above which they are averaged rather than interpolated.
 const MAX_REDUCTION: f64 = 1.25;
 
 /// Maps of a plane to the frames of a shot.
@@ -322,7 +322,7 @@ impl ShotPlate {
         Ok(PlateInFrame { colors, known })
     }
 
-    /// Colors times share of what is known of the plate in a frame, and this share.
+    /// Colors times the share of what is known of the plate in a frame, and this share.
     fn warped(
         &self,
         frame_from_reference: &Homography,
@@ -334,22 +334,48 @@ impl ShotPlate {
         let shift = shift.unwrap_or(Homography::IDENTITY);
         let middle = DVec2::new(size.width() as f64, size.height() as f64) * 0.5;
         let plate_from_frame = (shift * frame_from_reference.inverse()).facing(middle);
-        let scale = plate_from_frame.jacobian(middle).determinant().abs().sqrt();
-        Ok(if scale < MAX_REDUCTION {
-            context.progress.check()?;
-            interpolator.view(&plate_from_frame, size)
-        } else {
-            let progress = context.progress.silent();
-            let nothing = Beyond::Pixel([0.0; 4]);
-            warp(
-                &interpolator.pixels(),
-                &plate_from_frame,
-                size,
-                nothing,
-                &progress,
-            )?
-        })
+        seen(interpolator, &plate_from_frame, middle, size, context)
     }
+}
+
+/// A picture seen through a map that has `middle`, a point of the output, in front of it: colors times the share of what is known of
+/// the picture, and this share. Pixels are interpolated where the map reduces the picture by little around `middle`, and averaged
+/// where it reduces it more.
+///
+/// # Errors
+/// [`JobError::Cancelled`].
+pub(crate) fn seen(
+    picture: &Interpolator,
+    picture_from_output: &Homography,
+    middle: DVec2,
+    size: Size,
+    context: &Context,
+) -> Result<Image<[f32; 4]>, JobError> {
+    if reduction(picture_from_output, middle) < MAX_REDUCTION {
+        context.progress.check()?;
+        return Ok(picture.view(picture_from_output, size));
+    }
+    let progress = context.progress.silent();
+    let nothing = Beyond::Pixel([0.0; 4]);
+    let pixels = picture.pixels();
+    Ok(warp(
+        &pixels,
+        picture_from_output,
+        size,
+        nothing,
+        &progress,
+    )?)
+}
+
+/// The largest stretch of a map around a point: the larger singular value of its derivatives.
+fn reduction(map: &Homography, at: DVec2) -> f64 {
+    let derivatives = map.jacobian(at);
+    let (x, y) = (derivatives.x_axis, derivatives.y_axis);
+    let (mean, half) = (
+        0.5 * (x.length_squared() + y.length_squared()),
+        0.5 * (x.length_squared() - y.length_squared()),
+    );
+    (mean + half.hypot(x.dot(y))).sqrt()
 }
 
 /// Colors times share of `front`, and of `behind` where `front` leaves a share.

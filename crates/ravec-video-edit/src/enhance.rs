@@ -3,7 +3,7 @@
 use crate::exposure::{Exposure, Pair};
 use crate::{Colors, VideoEditError, same_size};
 use ravec_numeric::solve_positive;
-use ravec_raster::{Image, Mask, Plane, ResizeFilter, Size, resize};
+use ravec_raster::{Image, Mask, Plane, ResizeFilter, Size, gaussian_blur, resize};
 
 /// Degree of the curves of tone.
 const TERMS: usize = 4;
@@ -19,6 +19,13 @@ const STIFFNESS: f64 = 1e-5;
 const MAX_ALPHA: f32 = 0.012;
 /// Pixels between the foreground and those that are compared.
 const MARGIN_PX: f64 = 3.0;
+/// Blur of pictures that are compared, as standard deviation. Where one is sharper than the other, it has more contrast, which is no
+/// matter of tone.
+const COMPARED_BLUR_PX: f64 = 2.0;
+/// Share of the pixels below a blur that must be usable.
+const MIN_USABLE: f32 = 0.995;
+/// Pairs of blurred pictures below which sharp ones are compared.
+const MIN_BLURRED_PAIRS: usize = 400;
 
 /// Curves of tone that bring the colors of a photo to those of a clip: a cubic polynomial for each channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,14 +35,16 @@ impl Tone {
     /// The tone that changes nothing.
     pub const SAME: Self = Self([[0.0, 1.0, 0.0, 0.0]; 3]);
 
-    /// Fits the tone of `photo` to that of `target`, where `usable` is above 0.99. Both show the same in every pixel.
+    /// Fits the tone of `photo` to that of `target`, where `usable` is above 0.99. Both show the same in every pixel; one may be
+    /// sharper.
     ///
     /// # Errors
     /// [`VideoEditError::SizesDiffer`].
     pub fn fit(photo: &Colors, target: &Colors, usable: &Plane) -> Result<Self, VideoEditError> {
         same_size(target.size(), photo.size())?;
         same_size(usable.size(), photo.size())?;
-        let pairs = pairs(photo, target, &|col, row| usable[(col, row)] > 0.99);
+        let usable = Mask::from_fn(usable.size(), |col, row| usable[(col, row)] > 0.99);
+        let pairs = pairs(photo, target, &usable);
         let mut tone = Self::SAME;
         if pairs.len() < 10 * TERMS {
             return Ok(tone);
@@ -106,8 +115,25 @@ impl Tone {
     }
 }
 
-/// Pairs of colors of two pictures, at most [`MAX_PAIRS`].
-fn pairs(plate: &Colors, frame: &Colors, usable: &dyn Fn(usize, usize) -> bool) -> Vec<Pair> {
+/// Pairs of colors of two pictures that may differ in sharpness, at most [`MAX_PAIRS`].
+fn pairs(plate: &Colors, frame: &Colors, usable: &Mask) -> Vec<Pair> {
+    let blurred = |colors: &Colors| gaussian_blur(colors, COMPARED_BLUR_PX);
+    let share = gaussian_blur(usable.coverage(), COMPARED_BLUR_PX);
+    let found = sampled_pairs(&blurred(plate), &blurred(frame), &|col, row| {
+        share[(col, row)] > MIN_USABLE
+    });
+    if found.len() < MIN_BLURRED_PAIRS {
+        return sampled_pairs(plate, frame, &|col, row| usable.at(col, row) > 0.0);
+    }
+    found
+}
+
+/// Pairs of colors of two pictures in regular places, at most [`MAX_PAIRS`].
+fn sampled_pairs(
+    plate: &Colors,
+    frame: &Colors,
+    usable: &dyn Fn(usize, usize) -> bool,
+) -> Vec<Pair> {
     let step = (plate.size().pixels() / MAX_PAIRS).isqrt().max(1);
     let mut pairs = Vec::new();
     for row in (step / 2..plate.height()).step_by(step) {
@@ -202,7 +228,9 @@ impl Foreground {
             [red, green, blue].map(|plane| plane[(col, row)])
         });
         let near = Mask::from_fn(size, |col, row| alpha[(col, row)] > MAX_ALPHA).dilate(MARGIN_PX);
-        let usable = |col: usize, row: usize| near.at(col, row) <= 0.0 && shown[(col, row)] > 0.99;
+        let usable = Mask::from_fn(size, |col, row| {
+            near.at(col, row) <= 0.0 && shown[(col, row)] > 0.99
+        });
         let exposure = Exposure::fit(&pairs(&small, frame, &usable));
         let colors = Image::from_fn(size, |col, row| {
             let at = (col, row);

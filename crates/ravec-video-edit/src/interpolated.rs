@@ -81,6 +81,17 @@ impl Interpolator {
         }
     }
 
+    /// The same picture in other colors.
+    #[must_use]
+    pub fn recolored(mut self, color: impl Fn([f32; 3]) -> [f32; 3] + Sync) -> Self {
+        self.pixels.for_each_row(|_, row| {
+            for [r, g, b, _] in row {
+                [*r, *g, *b] = color([*r, *g, *b]);
+            }
+        });
+        self
+    }
+
     /// Size of the picture.
     pub fn size(&self) -> Size {
         self.pixels.size()

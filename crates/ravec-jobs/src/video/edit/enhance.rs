@@ -10,14 +10,14 @@ use crate::files;
 use crate::operation::{Operation, paths};
 use crate::plane::Quad;
 use crate::report::Report;
-use crate::shot::encoded;
+use crate::shot::{encoded, seen};
 use crate::video::{Encoding, clip_folders, clip_outputs};
 use glam::{DVec2, dvec2};
 use ravec::matting::Colors;
+use ravec::planar::Homography;
 use ravec::planar::track::{PhotoError, PhotoParams, locate_photo};
-use ravec::planar::{Beyond, Homography, warp};
-use ravec::raster::{AnyImage, Image, Plane, Size, elliptic_gaussian_blur};
-use ravec::video_edit::{Enhancement, Tone};
+use ravec::raster::{AnyImage, Plane, Size, elliptic_gaussian_blur};
+use ravec::video_edit::{Enhancement, Interpolator, Tone};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -62,7 +62,8 @@ Examples:
 
 The place of the photo is found on the plate, and its colors are brought to those of the plate by a curve for each channel; each frame \
 then has its own light. Where the photo ends, the enlarged frame goes on. With --blur matched, frames of a camera in motion or out of \
-focus stay as blurred against the plate as they are; otherwise all frames are as sharp as the photo.
+focus stay as blurred against the plate as they are; otherwise all frames are as sharp as the photo. The noise of the photo stays in \
+it: clean a noisy one before, by ravec brush --mode clean --everywhere.
 
 Figures: frames, photo_inliers, photo_sigma_px.";
 
@@ -217,15 +218,15 @@ impl FrameEdit for Frames {
         } = self.edit.frame(index, image, side.alpha, context)?;
         let half = Homography::from_scale(DVec2::splat(0.5)).unwrap_or(Homography::IDENTITY);
         let photo = &self.photo;
-        let photo_from_output = (map * photo.reference_from_photo).inverse() * half;
-        let progress = context.progress.silent();
-        let nothing = Beyond::Pixel([0.0; 4]);
-        let mut photo = warp(
-            &photo.pixels,
+        let output_from_photo = half.inverse() * map * photo.reference_from_photo;
+        let middle = output_from_photo.apply(photo.middle);
+        let photo_from_output = output_from_photo.inverse().facing(middle);
+        let mut photo = seen(
+            &photo.picture,
             &photo_from_output,
+            middle,
             self.size,
-            nothing,
-            &progress,
+            context,
         )?;
         if self.blur == PhotoBlur::Matched {
             photo = elliptic_gaussian_blur(&photo, blur.enlarged(2.0));
@@ -249,8 +250,10 @@ impl FrameEdit for Frames {
 
 /// A photo in the tone of the plate, and its place.
 struct PhotoOnPlane {
-    /// sRGB-encoded colors, and 1.
-    pixels: Image<[f32; 4]>,
+    /// sRGB-encoded colors.
+    picture: Interpolator,
+    /// Middle of the photo.
+    middle: DVec2,
     reference_from_photo: Homography,
 }
 
@@ -292,14 +295,14 @@ impl Enhance {
         })?;
         report.figures.insert("photo_inliers", found.inliers as f64);
         report.figures.insert("photo_sigma_px", found.sigma_px());
-        // pictures of photos are large: one copy of them is held at a time
-        let mut pixels = encoded(&photo).map(|[r, g, b]| [r, g, b, 1.0]);
+        let size = photo.size();
+        let middle = dvec2(size.width() as f64, size.height() as f64) * 0.5;
+        let picture = Interpolator::new(&encoded(&photo), None);
         drop(photo);
         let plate = encoded(&plate);
-        let photo_from_plate = found.frame_from_photo.inverse();
-        let progress = context.progress.silent();
-        let nothing = Beyond::Pixel([0.0; 4]);
-        let laid = warp(&pixels, &photo_from_plate, plate.size(), nothing, &progress)?;
+        let on_plate = found.frame_from_photo.apply(middle);
+        let photo_from_plate = found.frame_from_photo.inverse().facing(on_plate);
+        let laid = seen(&picture, &photo_from_plate, on_plate, plate.size(), context)?;
         // what lies beyond the reference frame may be invented
         let pad = shot.pad;
         let in_frame = |col: usize, row: usize| {
@@ -315,13 +318,9 @@ impl Enhance {
         let laid: Colors = laid.map(|[r, g, b, _]| [r, g, b]);
         let tone = Tone::fit(&laid, &plate, &share)?;
         let back = Homography::from_translation(-shift).unwrap_or(Homography::IDENTITY);
-        pixels.for_each_row(|_, row| {
-            for [r, g, b, _] in row {
-                [*r, *g, *b] = tone.applied([*r, *g, *b]);
-            }
-        });
         Ok(PhotoOnPlane {
-            pixels,
+            picture: picture.recolored(|color| tone.applied(color)),
+            middle,
             reference_from_photo: back * found.frame_from_photo,
         })
     }
