@@ -1,5 +1,10 @@
 //! Mosaics with photos that are set by hand, previews from memory, and candidates of tiles.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 use ravec_catalogue::{
     Ban, Catalogue, CatalogueError, Mosaic, MosaicParams, Outputs, PhotoSet, Pin, add, mosaic,
     mosaic_in_memory,

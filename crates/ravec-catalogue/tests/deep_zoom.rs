@@ -1,5 +1,10 @@
 //! The folder with a page that zooms from the mosaic into its photos: its pieces, and the page in a browser.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 use ravec_catalogue::{Catalogue, CatalogueError, Mosaic, MosaicParams, Outputs, add, mosaic};
 use ravec_media::{Limits, Picture, WriteOptions, read, write};
 use ravec_mosaic::{ChooseParams, Crop, Rules};

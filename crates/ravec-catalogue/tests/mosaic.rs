@@ -1,5 +1,10 @@
 //! Catalogues and mosaics of drawn photos, in temporary folders.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 use ravec_catalogue::{
     Catalogue, CatalogueError, MosaicParams, MosaicWorker, Outputs, add, clean, mosaic,
     mosaic_in_pieces, remove, stats,

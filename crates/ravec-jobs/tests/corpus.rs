@@ -3,6 +3,11 @@
 //!
 //! The bodies and their promises are in `fuzz/targets`. Memory is counted for the whole process, so this is a single test.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 #[path = "../../../fuzz/targets/mod.rs"]
 mod targets;
 

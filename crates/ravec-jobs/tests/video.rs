@@ -1,5 +1,10 @@
 //! Clips through the operations that read and write them.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Size, Srgb};
 use ravec_jobs::compare::Compare;

@@ -1,6 +1,11 @@
 //! Pictures on a GPU against those of the CPU, on the software driver for Vulkan (Debian's mesa-vulkan-drivers). Without it
 //! nothing is tested, and a line says so.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 use glam::DVec3;
 use ravec_mesh::{Aabb, TriMesh};
 use ravec_mesh_render::gpu::{GpuMesh, GpuPicture, GpuRenderer};

@@ -415,6 +415,10 @@ pub fn export(
 }
 
 #[cfg(test)]
+#[allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
 mod tests {
     use super::*;
     use ravec::raster::{AnyImage, Image, Size, Srgb};

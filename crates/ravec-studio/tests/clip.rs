@@ -1,5 +1,10 @@
 //! Reading of clips beside the window, and the timeline, driven by clicks, drags and keys without a window.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod common;
 
 use common::drag_through;

@@ -1,5 +1,10 @@
 //! Booleans of several meshes, driven by clicks and drags without a window.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod common;
 
 use clap::Command;

@@ -4,6 +4,11 @@
 //!
 //! `RAVEC_UPDATE_SCREENS=1` writes the pictures again. A screen that differs is written into the folder of temporary files.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod common;
 #[path = "common/desk.rs"]
 mod desk;

@@ -1,5 +1,10 @@
 //! Plates, mattes and edits of a shot by clicks and drags, without a window.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod common;
 #[path = "common/desk.rs"]
 mod desk;

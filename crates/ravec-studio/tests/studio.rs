@@ -1,5 +1,10 @@
 //! The studio, driven by clicks, drags and keys without a window.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod common;
 #[path = "common/desk.rs"]
 mod desk;

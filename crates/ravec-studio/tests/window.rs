@@ -2,6 +2,11 @@
 //!
 //! Where one of the two is not installed, the test is skipped, and says so on standard error.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 use ravec_jobs::{Context, Operation as _, Step, recipe};
 use ravec_studio::Control;
 use serde_json::{Value, json};

@@ -5,6 +5,11 @@
 //! their samples to `OUTPUT` one after the other. Run it on one core (`taskset -c 0`) for figures of one core; encoding alone
 //! is the difference of two runs.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "examples may write files as they like"
+)]
+
 use ravec_video::mp4::{Mp4Source, Mp4Writer};
 use ravec_video::{
     EncodeOptions, FramePicture, FrameSink as _, FrameSource as _, SamplePlane, SinkFormat,

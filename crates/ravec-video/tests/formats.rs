@@ -1,5 +1,10 @@
 //! Clips come back as they were written.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod common;
 
 use common::{colors, deep_picture, frame, open, picture, read, read_anything, write};

@@ -1,4 +1,8 @@
 //! MP4 files that are written and read again: colors, stamps, sizes, chunks.
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
 #![cfg(feature = "h264")]
 
 use proptest::prelude::*;

@@ -1,5 +1,10 @@
 //! The program as a user meets it: what it prints, what it leaves behind, how it ends.
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod boolean;
 mod brush;
 mod compare;

@@ -10,6 +10,11 @@
 //! | `RAVEC_CRASH_SEED` | seed of the moments (default 1) |
 //! | `RAVEC_CRASH_PROGRAM` | the program (default: the one built with the tests) |
 
+#![allow(
+    clippy::disallowed_methods,
+    reason = "tests may write files as they like"
+)]
+
 mod disks;
 mod kills;
 mod operations;
