@@ -15,6 +15,7 @@ use ravec::raster::{AnyImage, Image, Mask, Plane, Sample, Size, Srgb, Srgba};
 use ravec::video_edit::Interpolator;
 use serde::Deserialize;
 use std::path::Path;
+use std::sync::Arc;
 
 /// The largest file of a track that is read, in bytes.
 const MAX_TRACK_BYTES: u64 = 256 << 20;
@@ -170,9 +171,12 @@ impl ShotTrack {
 
 /// A background plate, prepared for views of about its scale.
 pub(crate) struct ShotPlate {
+    size: Size,
     pad_px: usize,
-    /// Parts of the plate, the foremost first: at least one.
+    /// Parts of the plate, the foremost first.
     parts: Vec<PlatePart>,
+    /// The plate in all frames of a camera that stands still; its parts are dropped.
+    still: Option<Arc<PlateInFrame>>,
 }
 
 /// The part of a plate that lies on a plane. It is prepared before frames are changed in parallel: a thread that prepared it on demand
@@ -216,13 +220,24 @@ impl ShotPlate {
             track: None,
         };
         Self {
+            size: picture.size(),
             pad_px,
             parts: vec![whole],
+            still: None,
         }
     }
 
-    fn size(&self) -> Size {
-        self.parts[0].interpolator.size()
+    /// The plate for a camera that stands still, which shows it alike in all frames.
+    ///
+    /// # Errors
+    /// [`JobError::Cancelled`].
+    pub fn standing(mut self, context: &Context) -> Result<Self, JobError> {
+        if let Some(size) = self.frame_size() {
+            let shown = self.in_frame(&Homography::IDENTITY, 0, size, context)?;
+            self.still = Some(shown);
+            self.parts.clear();
+        }
+        Ok(self)
     }
 
     /// The same plate with its planes: gray values of the picture `regions` are their numbers in the track, from 1.
@@ -237,7 +252,7 @@ impl ShotPlate {
         context: &Context,
     ) -> Result<Self, JobError> {
         let picture = files::read(files.regions, report, context)?;
-        let size = self.size();
+        let size = self.size;
         if picture.image.size() != size {
             return Err(JobError::SizesDiffer {
                 a: plate.to_path_buf(),
@@ -257,7 +272,9 @@ impl ShotPlate {
                 range: "a picture whose gray values are numbers of its planes",
             });
         }
-        let whole = &self.parts[0].interpolator;
+        let Some(whole) = self.parts.first() else {
+            return Ok(self);
+        };
         let mut parts = Vec::new();
         for (index, track) in tracks.into_iter().enumerate() {
             let own = Mask::from_fn(size, |col, row| {
@@ -269,7 +286,7 @@ impl ShotPlate {
             let own = own.dilate(SEAM_PX);
             let others = Mask::from_fn(size, |col, row| own.at(col, row) <= 0.0);
             parts.push(PlatePart {
-                interpolator: whole.without(&others),
+                interpolator: whole.interpolator.without(&others),
                 track: Some(track),
             });
         }
@@ -282,8 +299,7 @@ impl ShotPlate {
     /// The size of the frames to which the plate belongs.
     pub fn frame_size(&self) -> Option<Size> {
         let side = |length: usize| length.checked_sub(2 * self.pad_px);
-        let size = self.size();
-        Size::new(side(size.width())?, side(size.height())?).ok()
+        Size::new(side(self.size.width())?, side(self.size.height())?).ok()
     }
 
     /// The plate in the frame `index` of this size, to which `frame_from_reference` leads. Parts on planes of their own follow
@@ -297,7 +313,10 @@ impl ShotPlate {
         index: u64,
         size: Size,
         context: &Context,
-    ) -> Result<PlateInFrame, JobError> {
+    ) -> Result<Arc<PlateInFrame>, JobError> {
+        if let Some(still) = &self.still {
+            return Ok(still.clone());
+        }
         let mut front: Option<Image<[f32; 4]>> = None;
         for part in &self.parts {
             let map = match &part.track {
@@ -319,7 +338,7 @@ impl ShotPlate {
             [r * scale, g * scale, b * scale]
         });
         let known = pixels.map(|[_, _, _, share]| share.clamp(0.0, 1.0));
-        Ok(PlateInFrame { colors, known })
+        Ok(Arc::new(PlateInFrame { colors, known }))
     }
 
     /// Colors times the share of what is known of the plate in a frame, and this share.
@@ -351,7 +370,7 @@ pub(crate) fn seen(
     size: Size,
     context: &Context,
 ) -> Result<Image<[f32; 4]>, JobError> {
-    if reduction(picture_from_output, middle) < MAX_REDUCTION {
+    if picture_from_output.largest_stretch(middle) < MAX_REDUCTION {
         context.progress.check()?;
         return Ok(picture.view(picture_from_output, size));
     }
@@ -365,17 +384,6 @@ pub(crate) fn seen(
         nothing,
         &progress,
     )?)
-}
-
-/// The largest stretch of a map around a point: the larger singular value of its derivatives.
-fn reduction(map: &Homography, at: DVec2) -> f64 {
-    let derivatives = map.jacobian(at);
-    let (x, y) = (derivatives.x_axis, derivatives.y_axis);
-    let (mean, half) = (
-        0.5 * (x.length_squared() + y.length_squared()),
-        0.5 * (x.length_squared() - y.length_squared()),
-    );
-    (mean + half.hypot(x.dot(y))).sqrt()
 }
 
 /// Colors times share of `front`, and of `behind` where `front` leaves a share.

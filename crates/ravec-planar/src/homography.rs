@@ -229,6 +229,25 @@ impl Homography {
         )
     }
 
+    /// The largest factor by which the map stretches small lengths around a point, in pixels, x right, y down, pixel centers at
+    /// half-integers: the larger singular value of its derivatives.
+    ///
+    /// ```
+    /// use glam::dvec2;
+    /// use ravec_planar::Homography;
+    ///
+    /// let map = Homography::from_scale(dvec2(2.0, 3.0))?;
+    /// assert!((map.largest_stretch(dvec2(5.0, 7.0)) - 3.0).abs() < 1e-12);
+    /// # Ok::<(), ravec_planar::HomographyError>(())
+    /// ```
+    pub fn largest_stretch(&self, at: DVec2) -> f64 {
+        let derivatives = self.jacobian(at);
+        let (x, y) = (derivatives.x_axis, derivatives.y_axis);
+        let mean = 0.5 * (x.length_squared() + y.length_squared());
+        let half = 0.5 * (x.length_squared() - y.length_squared());
+        (mean + half.hypot(x.dot(y))).sqrt()
+    }
+
     /// The map back.
     pub fn inverse(&self) -> Self {
         // the determinant is ±1, so the inverse is finite whenever the matrix is; its sign keeps the same points in front:

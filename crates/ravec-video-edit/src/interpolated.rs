@@ -5,13 +5,15 @@
 
 use crate::Colors;
 use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
-use glam::DVec3;
+use glam::{DVec2, DVec3, dvec2};
 use ravec_planar::Homography;
-use ravec_raster::{Image, Mask, Size};
+use ravec_raster::{Image, Mask, Size, SizeError};
 use std::sync::LazyLock;
 
 /// Pixels that the kernel reads along each axis.
 const TAPS: usize = 6;
+/// Pixels that are held beyond each border of a picture that goes on: half a kernel, and one for points beside the border.
+const BORDER_PX: usize = TAPS / 2 + 1;
 /// Positions between two pixels that have weights of their own.
 const PHASES: usize = 256;
 
@@ -37,11 +39,32 @@ static WEIGHTS: LazyLock<Vec<[f32; TAPS]>> = LazyLock::new(|| {
 });
 
 /// A picture prepared for views of it. Pixels that are excluded and those that are not finite are left out.
+#[derive(Clone)]
 pub struct Interpolator {
     /// Colors, and 1 for pixels that are not excluded; the outer part of a kernel reads the colors of the others.
     pixels: Image<[f32; 4]>,
     /// For the first pixel of each kernel: 1 if the inner part of the kernel meets an excluded pixel. `None` if there are none.
     excluded: Option<Image<u8>>,
+    bounds: Bounds,
+}
+
+/// Where points of a picture lie in the pixels that are held.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    /// Points before these and beyond those are moved to them.
+    low: DVec2,
+    high: DVec2,
+    /// Pixels that are held before the picture.
+    shift: f64,
+}
+
+impl Bounds {
+    /// Those of a picture that ends at its border.
+    const NONE: Self = Self {
+        low: DVec2::NEG_INFINITY,
+        high: DVec2::INFINITY,
+        shift: 0.0,
+    };
 }
 
 impl Interpolator {
@@ -61,7 +84,31 @@ impl Interpolator {
                 .filter(|mask| !mask.is_empty())
                 .map(|_| touched(&pixels)),
             pixels,
+            bounds: Bounds::NONE,
         }
+    }
+
+    /// Prepares `colors` that go on beyond their border with the colors there.
+    pub(crate) fn continued(colors: &Colors) -> Result<Self, SizeError> {
+        let (width, height) = (colors.width(), colors.height());
+        let size = Size::new(width + 2 * BORDER_PX, height + 2 * BORDER_PX)?;
+        let mut pixels = Image::new(size, [0.0; 4]);
+        pixels.for_each_row(|row, out| {
+            let line = colors.row(row.saturating_sub(BORDER_PX).min(height - 1));
+            for (col, out) in out.iter_mut().enumerate() {
+                let [r, g, b] = line[col.saturating_sub(BORDER_PX).min(width - 1)];
+                *out = [r, g, b, 1.0];
+            }
+        });
+        Ok(Self {
+            pixels,
+            excluded: None,
+            bounds: Bounds {
+                low: DVec2::splat(-0.5),
+                high: dvec2(width as f64 + 0.5, height as f64 + 0.5),
+                shift: BORDER_PX as f64,
+            },
+        })
     }
 
     /// The same picture, of which the pixels of `excluded` are left out as well.
@@ -78,6 +125,7 @@ impl Interpolator {
         Self {
             excluded: Some(touched(&pixels)),
             pixels,
+            bounds: self.bounds,
         }
     }
 
@@ -90,11 +138,6 @@ impl Interpolator {
             }
         });
         self
-    }
-
-    /// Size of the picture.
-    pub fn size(&self) -> Size {
-        self.pixels.size()
     }
 
     /// Colors and 1; 0 where a pixel is excluded.
@@ -120,6 +163,43 @@ impl Interpolator {
         output
     }
 
+    /// The mean of `samples` × `samples` views within each pixel of the output, for maps that reduce the picture by about as much.
+    pub(crate) fn averaged(
+        &self,
+        image_from_output: &Homography,
+        size: Size,
+        samples: usize,
+    ) -> Image<[f32; 4]> {
+        let matrix = image_from_output.matrix();
+        let spacing = 1.0 / samples as f64;
+        let weight = (spacing * spacing) as f32;
+        let mut output = Image::new(size, [0.0; 4]);
+        let level = Level::new();
+        output.for_each_row(|row, out| {
+            let mut line = vec![[0.0; 4]; samples * out.len()];
+            for sample in 0..samples {
+                line.fill([0.0; 4]);
+                let y = row as f64 + (sample as f64 + 0.5) * spacing;
+                let start = matrix * DVec3::new(0.5 * spacing, y, 1.0);
+                let step = matrix.x_axis * spacing;
+                dispatch!(level, simd => self.view_row(simd, start, step, &mut line));
+                for (out, line) in out.iter_mut().zip(line.chunks_exact(samples)) {
+                    for pixel in line {
+                        for (sum, value) in out.iter_mut().zip(pixel) {
+                            *sum += weight * value;
+                        }
+                    }
+                }
+            }
+        });
+        output
+    }
+
+    /// The pixels that are held, and the shift from the picture to them.
+    pub(crate) fn held(&self) -> (&Image<[f32; 4]>, DVec2) {
+        (&self.pixels, DVec2::splat(self.bounds.shift))
+    }
+
     /// The pixels of a row of a view: homogeneous points from `start` in steps of `step`.
     #[inline(always)]
     fn view_row<S: Simd>(&self, simd: S, start: DVec3, step: DVec3, out: &mut [[f32; 4]]) {
@@ -129,7 +209,10 @@ impl Interpolator {
                 continue;
             }
             let scale = 1.0 / at.z;
-            let color = self.color(simd, at.x * scale, at.y * scale);
+            let Bounds { low, high, shift } = self.bounds;
+            let x = (at.x * scale).max(low.x).min(high.x) + shift;
+            let y = (at.y * scale).max(low.y).min(high.y) + shift;
+            let color = self.color(simd, x, y);
             // a sum is finite only if all of its pixels are
             if let Some([r, g, b, share]) = color
                 && share > 0.0
@@ -249,7 +332,6 @@ impl Position {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::dvec2;
 
     #[test]
     fn waves_are_interpolated_and_borders_and_excluded_pixels_left_out() {

@@ -10,12 +10,13 @@
 //! | strokes of a few frames in all of them | [`CarriedStroke`] |
 //! | a frame without its foreground | [`Removal`] |
 //! | the foreground as a layer, over another background or in another clip | [`Layer`] |
+//! | another background, as frames show it | [`Backdrop`] |
 //! | a soft frame with the detail of a photo | [`Enhancement`], [`Tone`] |
 //!
 //! ```
 //! use ravec_planar::Homography;
 //! use ravec_progress::Progress;
-//! use ravec_raster::{Image, Size};
+//! use ravec_raster::{Image, Size, SizeError};
 //! use ravec_video_edit::{Colors, PlateSamples, ShotFrame};
 //!
 //! // a wall, and a bar that passes
@@ -60,6 +61,7 @@
 //!
 //! Pavić et al., *2D video editing for 3D effects*, 2008.
 
+mod backdrop;
 mod enhance;
 mod exposure;
 mod grain;
@@ -69,6 +71,7 @@ mod plate;
 mod removal;
 mod strokes;
 
+pub use backdrop::Backdrop;
 pub use enhance::{Enhancement, Tone};
 pub use exposure::Exposure;
 pub use interpolated::Interpolator;
@@ -78,7 +81,7 @@ pub use removal::Removal;
 pub use strokes::{CarriedStroke, StrokeFollower};
 
 use ravec_progress::Cancelled;
-use ravec_raster::{Image, Size};
+use ravec_raster::{Image, Size, SizeError};
 
 /// sRGB-encoded colors, 0 to 1.
 pub type Colors = Image<[f32; 3]>;
@@ -106,6 +109,9 @@ pub enum VideoEditError {
     /// There is no frame.
     #[error("there are no frames")]
     NoFrames,
+    /// A picture with its border is larger than an image may be.
+    #[error(transparent)]
+    Size(#[from] SizeError),
     /// The work was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -169,7 +169,10 @@ fn plate(
     if plate.frame_size() != Some(size) {
         return Err(sizes_differ(matte, size, path, picture.image.size()));
     }
-    let (Some(regions), Some(track)) = (&matte.regions, &matte.track) else {
+    let Some(track) = &matte.track else {
+        return plate.standing(context).map(Some);
+    };
+    let Some(regions) = &matte.regions else {
         return Ok(Some(plate));
     };
     let track = TrackChoice {

@@ -13,12 +13,13 @@ use ravec::matting::{
 };
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Image, Rect, Size};
+use std::sync::Arc;
 
 /// A frame before its plate, solved, with the strokes that are drawn in it.
 pub struct LiveMatte {
     index: u64,
     colors: Colors,
-    plate: PlateInFrame,
+    plate: Arc<PlateInFrame>,
     /// Constraints of strokes that are drawn in other frames.
     others: Option<Constraints>,
     marks: Vec<FrameMark>,

@@ -18,8 +18,8 @@ use crate::matte::FrameMattes;
 use crate::pixel_centers::PixelCenters;
 use crate::report::Report;
 use crate::shot::{
-    RegionFiles, ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane, check_regions, encoded,
-    is_deep,
+    PlateInFrame, RegionFiles, ShotPlate, ShotTrack, TrackChoice, check_pad, check_plane,
+    check_regions, encoded, is_deep,
 };
 use crate::track::exclusions::{Exclusions, MaskFiles};
 use crate::track::follow::{Reader, Shot};
@@ -27,7 +27,7 @@ use crate::track::rewrite::{Target, rewrite_each};
 use crate::video::{Encoding, FrameRange, folder_or_clip, is_clip, key_of, open_clip, read_error};
 use ravec::matting::{Colors, PlateLight};
 use ravec::planar::Homography;
-use ravec::raster::{AnyImage, BlurCovariance, Image, Mask, Pixel, Plane, Sample as _, Size, Srgb};
+use ravec::raster::{AnyImage, BlurCovariance, Mask, Plane, Sample as _, Size, Srgb};
 use ravec_video::{Clip, FrameSource as _};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -240,8 +240,8 @@ struct EditFrame {
     background: Colors,
     /// Blur of the plate in the frame.
     blur: BlurCovariance,
-    /// Share of certainty of the plate.
-    known: Plane,
+    /// The plate as the frame shows it, in its own light.
+    plate: Arc<PlateInFrame>,
 }
 
 impl Edit {
@@ -272,9 +272,11 @@ impl Edit {
             let files = RegionFiles { regions, track };
             plate = plate.with_regions(inputs.plate, &files, report, context)?;
         }
-        let track = match inputs.track {
-            Some(path) => Some(read_track(path, inputs.params, report, context)?),
-            None => None,
+        let track = if let Some(path) = inputs.track {
+            Some(read_track(path, inputs.params, report, context)?)
+        } else {
+            plate = plate.standing(context)?;
+            None
         };
         let alpha = if let Some(live) = live {
             AlphaSource::Live(live)
@@ -325,7 +327,7 @@ impl Edit {
             alpha,
             blur: light.total_blur(),
             background: background.map(|color| color.map(|value| value.clamp(0.0, 1.0))),
-            known: shown.known,
+            plate: shown,
             colors,
         })
     }
@@ -425,28 +427,37 @@ impl SideInput {
     }
 }
 
-/// Pixels of a [`SideInput`] as an edit needs them; those of a picture are kept.
-struct SidePixels<P: Pixel> {
-    convert: fn(&AnyImage) -> Image<P>,
-    still: Option<Image<P>>,
+/// The pictures of a [`SideInput`] as an edit needs them; that of a still is kept.
+struct SidePictures<T> {
+    convert: fn(&AnyImage) -> Result<T, JobError>,
+    still: Option<T>,
 }
 
-impl<P: Pixel> SidePixels<P> {
-    /// Pixels of the frames of `input`.
-    fn new(input: &SideInput, convert: fn(&AnyImage) -> Image<P>) -> Self {
+impl<T: Clone> SidePictures<T> {
+    /// Pictures of the frames of `input`.
+    ///
+    /// # Errors
+    /// Those of `convert`.
+    fn new(
+        input: &SideInput,
+        convert: fn(&AnyImage) -> Result<T, JobError>,
+    ) -> Result<Self, JobError> {
         let still = match input {
-            SideInput::Still(picture) => Some(convert(picture)),
+            SideInput::Still(picture) => Some(convert(picture)?),
             SideInput::Clip { .. } => None,
         };
-        Self { convert, still }
+        Ok(Self { convert, still })
     }
 
-    /// The pixels of a frame.
-    fn of(&self, frame: &AnyImage) -> Cow<'_, Image<P>> {
-        match &self.still {
+    /// The picture of a frame.
+    ///
+    /// # Errors
+    /// Those of `convert`.
+    fn of(&self, frame: &AnyImage) -> Result<Cow<'_, T>, JobError> {
+        Ok(match &self.still {
             Some(still) => Cow::Borrowed(still),
-            None => Cow::Owned((self.convert)(frame)),
-        }
+            None => Cow::Owned((self.convert)(frame)?),
+        })
     }
 }
 

@@ -1,7 +1,7 @@
 //! `video overlay`: a picture or clip with alpha over a clip, on a tracked plane if wanted, behind the foreground if wanted.
 
 use super::{
-    AlphaSource, EditOutput, FrameEdit, ShotFrames, SideData, SideInput, SideInputs, SidePixels,
+    AlphaSource, EditOutput, FrameEdit, ShotFrames, SideData, SideInput, SideInputs, SidePictures,
     map_of,
 };
 use crate::context::Context;
@@ -258,7 +258,7 @@ impl Overlay {
         let edit = Frames {
             image_from_reference: self.image_from_reference(size, image.size())?,
             size,
-            pixels: SidePixels::new(&image, premultiplied),
+            pictures: SidePictures::new(&image, |image| Ok(premultiplied(image)))?,
             track,
             track_path: self.track.clone(),
             params: params.clone(),
@@ -304,7 +304,7 @@ impl Overlay {
 /// Frames with the picture over them.
 struct Frames {
     size: Size,
-    pixels: SidePixels<[f32; 4]>,
+    pictures: SidePictures<Image<[f32; 4]>>,
     image_from_reference: Homography,
     track: Option<ShotTrack>,
     track_path: Option<PathBuf>,
@@ -332,7 +332,7 @@ impl FrameEdit for Frames {
             return Ok(colors);
         };
         let map = map_of(self.track.as_ref(), self.track_path.as_deref(), index)?;
-        let premultiplied = self.pixels.of(picture);
+        let premultiplied = self.pictures.of(picture)?;
         let image_from_frame = self.image_from_reference * map.inverse();
         let progress = context.progress.silent();
         let nothing = Beyond::Pixel([0.0; 4]);

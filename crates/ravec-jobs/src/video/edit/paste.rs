@@ -2,7 +2,7 @@
 
 use super::{
     AlphaSource, Edit, EditFrame, EditInputs, EditOutput, FrameEdit, OpenEdit, ShotEdit,
-    ShotFrames, ShotParams, SideData, SideInput, SideInputs, SidePixels, map_of, read_track,
+    ShotFrames, ShotParams, SideData, SideInput, SideInputs, SidePictures, map_of, read_track,
     write_frames,
 };
 use crate::context::Context;
@@ -161,7 +161,7 @@ impl Operation for Paste {
         };
         match into {
             SideInput::Still(_) => {
-                let frames = Frames::of(edit, alpha, scene, front, into);
+                let frames = Frames::of(edit, alpha, scene, front, into)?;
                 frames.write(self, &files, clip, &mut report, context)?;
             }
             SideInput::Clip { clip: into, .. } => {
@@ -227,7 +227,7 @@ impl ShotEdit for Paste {
         self.check()?;
         let into = SideInput::open(&self.into, report, context)?;
         let (scene, front) = self.scene(edit.size, into.size(), report, context)?;
-        Ok(Frames::of(edit, alpha, scene, front, into))
+        Frames::of(edit, alpha, scene, front, into)
     }
 }
 
@@ -235,7 +235,7 @@ impl ShotEdit for Paste {
 struct Frames {
     edit: Edit,
     scene: Scene,
-    into: SidePixels<[f32; 3]>,
+    into: SidePictures<Colors>,
 }
 
 impl Frames {
@@ -245,9 +245,9 @@ impl Frames {
         scene: Scene,
         front: Option<Exclusions>,
         into: SideInput,
-    ) -> ShotFrames {
-        let pixels = SidePixels::new(&into, encoded);
-        ShotFrames {
+    ) -> Result<ShotFrames, JobError> {
+        let pixels = SidePictures::new(&into, |image| Ok(encoded(image)))?;
+        Ok(ShotFrames {
             sides: SideInputs {
                 alpha: Some(alpha),
                 picture: Some(into),
@@ -259,7 +259,7 @@ impl Frames {
                 scene,
                 into: pixels,
             }),
-        }
+        })
     }
 }
 
@@ -275,7 +275,7 @@ impl FrameEdit for Frames {
         let Some(into) = &side.picture else {
             return Ok(frame.colors);
         };
-        let (into, front) = (self.into.of(into), side.front.as_ref());
+        let (into, front) = (self.into.of(into)?, side.front.as_ref());
         self.scene.paste(index, &frame, &into, front, context)
     }
 }

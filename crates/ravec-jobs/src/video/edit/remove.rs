@@ -170,7 +170,7 @@ impl FrameEdit for Frames {
             frame: &frame.colors,
             alpha: &frame.alpha,
             background: &frame.background,
-            known: &frame.known,
+            known: &frame.plate.known,
             grain: (self.grain == Grain::Matched).then_some(index),
         };
         Ok(removal.result()?)

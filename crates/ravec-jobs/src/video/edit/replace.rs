@@ -2,7 +2,7 @@
 
 use super::{
     AlphaSource, Edit, EditInputs, FrameEdit, OpenEdit, ShotEdit, ShotFrames, ShotParams, SideData,
-    SideInput, SideInputs, SidePixels,
+    SideInput, SideInputs, SidePictures,
 };
 use crate::context::Context;
 use crate::error::JobError;
@@ -13,9 +13,9 @@ use crate::shot::encoded;
 use crate::video::{Encoding, clip_folders, clip_outputs};
 use glam::dvec2;
 use ravec::matting::Colors;
-use ravec::planar::{Beyond, Homography, warp};
+use ravec::planar::Homography;
 use ravec::raster::AnyImage;
-use ravec::video_edit::Layer;
+use ravec::video_edit::{Backdrop, Layer};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -153,7 +153,7 @@ impl ShotEdit for Replace {
     ) -> Result<ShotFrames, JobError> {
         let image = SideInput::open(&self.image, report, context)?;
         let place = Placement::new(&self.params, edit.size, image.size())?;
-        let pixels = SidePixels::new(&image, encoded);
+        let pictures = SidePictures::new(&image, |image| Ok(Backdrop::new(&encoded(image))?))?;
         Ok(ShotFrames {
             sides: SideInputs {
                 alpha: Some(alpha),
@@ -162,7 +162,7 @@ impl ShotEdit for Replace {
             },
             edit: Box::new(Frames {
                 edit,
-                pixels,
+                pictures,
                 place,
             }),
         })
@@ -172,7 +172,7 @@ impl ShotEdit for Replace {
 /// Frames before another background.
 struct Frames {
     edit: Edit,
-    pixels: SidePixels<[f32; 3]>,
+    pictures: SidePictures<Backdrop>,
     place: Placement,
 }
 
@@ -188,11 +188,10 @@ impl FrameEdit for Frames {
         let Some(new) = &side.picture else {
             return Ok(frame.colors);
         };
-        let new = self.pixels.of(new);
+        let new = self.pictures.of(new)?;
         let image_from_frame = self.place.image_from_frame(&frame.map);
         let progress = context.progress.silent();
-        let size = self.edit.size;
-        let new = warp(&new, &image_from_frame, size, Beyond::Border, &progress)?;
+        let new = new.view(&image_from_frame, self.edit.size, &progress)?;
         let layer = Layer::new(&frame.colors, &frame.alpha, &frame.background)?;
         Ok(layer.over(&new)?)
     }

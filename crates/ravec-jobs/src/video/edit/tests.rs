@@ -10,6 +10,7 @@ use super::replace::Replace;
 use super::*;
 use crate::matte::{Matte, Spread};
 use crate::{ErrorKind, Step};
+use ravec::raster::Image;
 use ravec::raster::Srgba;
 use ravec_media::{Limits, Picture, WriteOptions};
 

@@ -1,0 +1,151 @@
+//! A picture behind everything, as frames show it.
+
+use crate::interpolated::Interpolator;
+use crate::{Colors, VideoEditError};
+use glam::{DVec2, dvec2};
+use ravec_planar::{Beyond, Homography, warp};
+use ravec_progress::Progress;
+use ravec_raster::Size;
+
+/// Reduction along an axis up to which one sample is enough.
+const MAX_SPACING: f64 = 1.25;
+/// Samples along each axis of a pixel, at most. More cost as much as the filter that fits each pixel.
+const MAX_SAMPLES: usize = 4;
+
+/// A picture that goes on beyond its border with the colors there.
+///
+/// Where it is enlarged or reduced by little it is interpolated by the kernel of Lanczos; where it is reduced more, the mean of up to
+/// 4 × 4 samples in each pixel is taken, which is sharper than an elliptic Gaussian and takes a fraction of its time. Views that
+/// reduce it by more than five, or that meet the horizon, are filtered by [`warp`](fn@ravec_planar::warp).
+#[derive(Clone)]
+pub struct Backdrop(Interpolator);
+
+impl Backdrop {
+    /// Prepares a picture.
+    ///
+    /// # Errors
+    /// [`VideoEditError::Size`] for a picture at the largest size.
+    pub fn new(colors: &Colors) -> Result<Self, VideoEditError> {
+        Ok(Self(Interpolator::continued(colors)?))
+    }
+
+    /// The picture seen through a map from the output. Behind the horizon it is black.
+    ///
+    /// # Errors
+    /// [`VideoEditError::Cancelled`].
+    pub fn view(
+        &self,
+        picture_from_output: &Homography,
+        size: Size,
+        progress: &Progress,
+    ) -> Result<Colors, VideoEditError> {
+        progress.check()?;
+        let pixels = if let Some(samples) = samples(picture_from_output, size) {
+            self.0.averaged(picture_from_output, size, samples)
+        } else {
+            let (pixels, shift) = self.0.held();
+            let shift = Homography::from_translation(shift).unwrap_or(Homography::IDENTITY);
+            let map = shift * *picture_from_output;
+            warp(pixels, &map, size, Beyond::Border, progress)?
+        };
+        Ok(pixels.map(|[r, g, b, _]| [r, g, b]))
+    }
+}
+
+/// Samples along each axis of a pixel for a map; `None` where they would be too many, or the map meets its horizon.
+fn samples(picture_from_output: &Homography, size: Size) -> Option<usize> {
+    let (w, h) = (size.width() as f64, size.height() as f64);
+    let corners = [
+        DVec2::ZERO,
+        dvec2(w, 0.0),
+        dvec2(w, h),
+        dvec2(0.0, h),
+        dvec2(w, h) * 0.5,
+    ];
+    if !picture_from_output.is_in_front(&corners) {
+        return None;
+    }
+    let stretches = corners.map(|at| picture_from_output.largest_stretch(at));
+    let reduction = stretches.into_iter().fold(0.0, f64::max);
+    let samples = (reduction / MAX_SPACING).ceil().max(1.0);
+    (samples <= MAX_SAMPLES as f64).then_some(samples as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ravec_raster::Image;
+
+    fn wave(at: DVec2) -> f32 {
+        (0.5 + 0.3 * (0.23 * at.x).sin() * (0.31 * at.y).cos()) as f32
+    }
+
+    fn picture() -> Colors {
+        Image::from_fn(Size::new(160, 120).unwrap(), |col, row| {
+            let value = wave(dvec2(col as f64 + 0.5, row as f64 + 0.5));
+            [value, 0.25, 1.0 - value]
+        })
+    }
+
+    /// The mean of the wave over a pixel of the output, by its definition.
+    fn mean(map: &Homography, col: usize, row: usize) -> f32 {
+        let fine = 16;
+        let steps = (0..fine * fine).map(|step| {
+            let (x, y) = (step % fine, step / fine);
+            let within = dvec2(x as f64 + 0.5, y as f64 + 0.5) / f64::from(fine);
+            wave(map.apply(dvec2(col as f64, row as f64) + within))
+        });
+        steps.sum::<f32>() / (fine * fine) as f32
+    }
+
+    #[test]
+    fn pixels_are_the_mean_of_what_they_show_and_borders_go_on() {
+        let backdrop = Backdrop::new(&picture()).unwrap();
+        let progress = Progress::none();
+        for (scale, bound) in [(0.4, 0.002), (1.0, 0.01), (1.8, 0.004), (3.1, 0.01)] {
+            let map = Homography::from_scale(DVec2::splat(scale)).unwrap();
+            let shift = Homography::from_translation(dvec2(7.3, 5.6)).unwrap();
+            let map = shift * map;
+            let size = Size::new((140.0 / scale) as usize, (100.0 / scale) as usize).unwrap();
+            assert!(samples(&map, size).is_some());
+            let found = backdrop.view(&map, size, &progress).unwrap();
+            for row in 0..size.height() {
+                for col in 0..size.width() {
+                    let [r, g, b] = found[(col, row)];
+                    let truth = mean(&map, col, row);
+                    assert!((r - truth).abs() < bound, "{scale}: {r} {truth}");
+                    assert!((g - 0.25).abs() < 1e-5 && (r + b - 1.0).abs() < 1e-5);
+                }
+            }
+        }
+        // far outside, the color of the nearest corner; in every filter
+        for scale in [0.5, 2.0, 9.0] {
+            let far = Homography::from_translation(dvec2(-400.0, -300.0)).unwrap();
+            let map = far * Homography::from_scale(DVec2::splat(scale)).unwrap();
+            let found = backdrop
+                .view(&map, Size::new(3, 3).unwrap(), &progress)
+                .unwrap();
+            let corner = picture()[(0, 0)];
+            for c in 0..3 {
+                assert!((found[(1, 1)][c] - corner[c]).abs() < 1e-4, "{scale}");
+            }
+        }
+    }
+
+    #[test]
+    fn strong_reductions_and_horizons_are_filtered() {
+        let size = Size::new(64, 48).unwrap();
+        let reduced = Homography::from_scale(DVec2::splat(6.0)).unwrap();
+        assert_eq!(samples(&reduced, size), None);
+        assert_eq!(samples(&Homography::IDENTITY, size), Some(1));
+        let mut matrix = glam::DMat3::IDENTITY;
+        matrix.y_axis.z = -0.05;
+        let tilted = Homography::from_matrix(matrix).unwrap();
+        assert_eq!(samples(&tilted, size), None);
+        let backdrop = Backdrop::new(&picture()).unwrap();
+        for map in [reduced, tilted] {
+            let found = backdrop.view(&map, size, &Progress::none()).unwrap();
+            assert!((found[(5, 5)][1] - 0.25).abs() < 1e-3);
+        }
+    }
+}
