@@ -23,8 +23,6 @@ const MAX_TRACK_BYTES: u64 = 256 << 20;
 const MAX_PAD_PX: usize = 1 << 14;
 /// Alpha of the plate below which its color says nothing.
 const MIN_SHARE: f32 = 0.5;
-/// Pixels of a picture for one of the output, along an axis, above which they are averaged rather than interpolated.
-const MAX_REDUCTION: f64 = 1.25;
 
 /// Maps of a plane to the frames of a shot.
 pub(crate) struct ShotTrack {
@@ -358,8 +356,8 @@ impl ShotPlate {
 }
 
 /// A picture seen through a map that has `middle`, a point of the output, in front of it: colors times the share of what is known of
-/// the picture, and this share. Pixels are interpolated where the map reduces the picture by little around `middle`, and averaged
-/// where it reduces it more.
+/// the picture, and this share. It is interpolated, in several samples a pixel where the map reduces it around `middle`, and filtered
+/// where it reduces it by more than five.
 ///
 /// # Errors
 /// [`JobError::Cancelled`].
@@ -370,20 +368,18 @@ pub(crate) fn seen(
     size: Size,
     context: &Context,
 ) -> Result<Image<[f32; 4]>, JobError> {
-    if picture_from_output.largest_stretch(middle) < MAX_REDUCTION {
-        context.progress.check()?;
-        return Ok(picture.view(picture_from_output, size));
+    context.progress.check()?;
+    match Interpolator::samples(picture_from_output.largest_stretch(middle)) {
+        Some(1) => Ok(picture.view(picture_from_output, size)),
+        Some(samples) => Ok(picture.averaged(picture_from_output, size, samples)),
+        None => {
+            let nothing = Beyond::Pixel([0.0; 4]);
+            let progress = context.progress.silent();
+            let pixels = picture.pixels();
+            let seen = warp(&pixels, picture_from_output, size, nothing, &progress);
+            Ok(seen?)
+        }
     }
-    let progress = context.progress.silent();
-    let nothing = Beyond::Pixel([0.0; 4]);
-    let pixels = picture.pixels();
-    Ok(warp(
-        &pixels,
-        picture_from_output,
-        size,
-        nothing,
-        &progress,
-    )?)
 }
 
 /// Colors times share of `front`, and of `behind` where `front` leaves a share.

@@ -7,11 +7,6 @@ use ravec_planar::{Beyond, Homography, warp};
 use ravec_progress::Progress;
 use ravec_raster::Size;
 
-/// Reduction along an axis up to which one sample is enough.
-const MAX_SPACING: f64 = 1.25;
-/// Samples along each axis of a pixel, at most. More cost as much as the filter that fits each pixel.
-const MAX_SAMPLES: usize = 4;
-
 /// A picture that goes on beyond its border with the colors there.
 ///
 /// Where it is enlarged or reduced by little it is interpolated by the kernel of Lanczos; where it is reduced more, the mean of up to
@@ -67,8 +62,7 @@ fn samples(picture_from_output: &Homography, size: Size) -> Option<usize> {
     }
     let stretches = corners.map(|at| picture_from_output.largest_stretch(at));
     let reduction = stretches.into_iter().fold(0.0, f64::max);
-    let samples = (reduction / MAX_SPACING).ceil().max(1.0);
-    (samples <= MAX_SAMPLES as f64).then_some(samples as usize)
+    Interpolator::samples(reduction)
 }
 
 #[cfg(test)]

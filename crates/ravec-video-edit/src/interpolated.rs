@@ -14,6 +14,10 @@ use std::sync::LazyLock;
 const TAPS: usize = 6;
 /// Pixels that are held beyond each border of a picture that goes on: half a kernel, and one for points beside the border.
 const BORDER_PX: usize = TAPS / 2 + 1;
+/// Pixels of the picture between samples, at most.
+const MAX_SPACING_PX: f64 = 1.25;
+/// Samples along each axis of a pixel, at most.
+const MAX_SAMPLES: usize = 4;
 /// Positions between two pixels that have weights of their own.
 const PHASES: usize = 256;
 
@@ -163,8 +167,16 @@ impl Interpolator {
         output
     }
 
-    /// The mean of `samples` × `samples` views within each pixel of the output, for maps that reduce the picture by about as much.
-    pub(crate) fn averaged(
+    /// Samples along each axis of a pixel that [`averaged`](Self::averaged) needs where a map stretches the output by a factor; `None`
+    /// where they would take longer than a filter that fits each pixel.
+    pub fn samples(stretch: f64) -> Option<usize> {
+        let samples = (stretch / MAX_SPACING_PX).ceil().max(1.0);
+        (samples <= MAX_SAMPLES as f64).then_some(samples as usize)
+    }
+
+    /// The mean of `samples` × `samples` views within each pixel of the output, for maps that reduce the picture by about as much:
+    /// colors times the share of samples that are known, and this share.
+    pub fn averaged(
         &self,
         image_from_output: &Homography,
         size: Size,
@@ -361,6 +373,22 @@ mod tests {
         assert_eq!(found[(0, 0)][3], 0.0);
         assert_eq!(found[(28, 22)][3], 0.0);
         assert!(count > 1400, "{count}");
+        // means of samples, without those that meet the excluded pixel
+        let reduced = Homography::from_scale(DVec2::splat(2.0)).unwrap();
+        assert_eq!(Interpolator::samples(2.0), Some(2));
+        let half = picture.averaged(&reduced, Size::new(24, 20).unwrap(), 2);
+        for row in 3..17 {
+            for col in 3..21 {
+                let [r, g, _, share] = half[(col, row)];
+                let near = (14..=16).contains(&col) && (9..=11).contains(&row);
+                assert!(near || share == 1.0);
+                if share > 0.0 {
+                    let truth = wave(2.0 * col as f64 + 1.0, 2.0 * row as f64 + 1.0);
+                    assert!((r / share - truth).abs() < 0.05 && (g / share - 0.25).abs() < 1e-5);
+                }
+            }
+        }
+        assert!(half[(15, 10)][3] < 1.0);
         let still = picture.view(&Homography::IDENTITY, size);
         assert_eq!(still[(47, 0)], [frame[(47, 0)][0], 0.25, 0.75, 1.0]);
         assert_eq!(
