@@ -9,8 +9,8 @@ use crate::stabilize::held;
 use crate::track::file::TrackFile;
 use glam::{DMat3, DVec2};
 use ravec::matting::Colors;
+use ravec::planar::Homography;
 use ravec::planar::track::TrackState;
-use ravec::planar::{Beyond, Homography, warp};
 use ravec::raster::{AnyImage, Image, Mask, Plane, Sample, Size, Srgb, Srgba};
 use ravec::video_edit::Interpolator;
 use serde::Deserialize;
@@ -351,34 +351,8 @@ impl ShotPlate {
         let shift = shift.unwrap_or(Homography::IDENTITY);
         let middle = DVec2::new(size.width() as f64, size.height() as f64) * 0.5;
         let plate_from_frame = (shift * frame_from_reference.inverse()).facing(middle);
-        seen(interpolator, &plate_from_frame, middle, size, context)
-    }
-}
-
-/// A picture seen through a map that has `middle`, a point of the output, in front of it: colors times the share of what is known of
-/// the picture, and this share. It is interpolated, in several samples a pixel where the map reduces it around `middle`, and filtered
-/// where it reduces it by more than five.
-///
-/// # Errors
-/// [`JobError::Cancelled`].
-pub(crate) fn seen(
-    picture: &Interpolator,
-    picture_from_output: &Homography,
-    middle: DVec2,
-    size: Size,
-    context: &Context,
-) -> Result<Image<[f32; 4]>, JobError> {
-    context.progress.check()?;
-    match Interpolator::samples(picture_from_output.largest_stretch(middle)) {
-        Some(1) => Ok(picture.view(picture_from_output, size)),
-        Some(samples) => Ok(picture.averaged(picture_from_output, size, samples)),
-        None => {
-            let nothing = Beyond::Pixel([0.0; 4]);
-            let progress = context.progress.silent();
-            let pixels = picture.pixels();
-            let seen = warp(&pixels, picture_from_output, size, nothing, &progress);
-            Ok(seen?)
-        }
+        let progress = context.progress.silent();
+        Ok(interpolator.seen(&plate_from_frame, &[middle], size, &progress)?)
     }
 }
 

@@ -49,6 +49,13 @@ pub struct Fourier {
 #[derive(Clone)]
 pub struct Spectrum(Vec<Complex32>);
 
+impl Spectrum {
+    /// The values, line after line.
+    pub fn values(&self) -> &[Complex32] {
+        &self.0
+    }
+}
+
 /// Memory that a thread uses for one transform after another.
 pub struct FourierScratch {
     /// Spectra of [`BLOCK`] rows.

@@ -3,15 +3,15 @@
 use crate::interpolated::Interpolator;
 use crate::{Colors, VideoEditError};
 use glam::{DVec2, dvec2};
-use ravec_planar::{Beyond, Homography, warp};
+use ravec_planar::Homography;
 use ravec_progress::Progress;
 use ravec_raster::Size;
 
-/// A picture that goes on beyond its border with the colors there.
+/// A picture with a replicated border.
 ///
-/// Where it is enlarged or reduced by little it is interpolated by the kernel of Lanczos; where it is reduced more, the mean of up to
-/// 4 × 4 samples in each pixel is taken, which is sharper than an elliptic Gaussian and takes a fraction of its time. Views that
-/// reduce it by more than five, or that meet the horizon, are filtered by [`warp`](fn@ravec_planar::warp).
+/// Magnified views are interpolated with a Lanczos kernel. Minified views average up to 4 × 4 such samples per pixel, which is sharper
+/// and faster than an elliptical Gaussian. Minification by a factor above 5 and views that contain the horizon use the elliptical filter
+/// of [`warp`](fn@ravec_planar::warp).
 #[derive(Clone)]
 pub struct Backdrop(Interpolator);
 
@@ -34,35 +34,17 @@ impl Backdrop {
         size: Size,
         progress: &Progress,
     ) -> Result<Colors, VideoEditError> {
-        progress.check()?;
-        let pixels = if let Some(samples) = samples(picture_from_output, size) {
-            self.0.averaged(picture_from_output, size, samples)
-        } else {
-            let (pixels, shift) = self.0.held();
-            let shift = Homography::from_translation(shift).unwrap_or(Homography::IDENTITY);
-            let map = shift * *picture_from_output;
-            warp(pixels, &map, size, Beyond::Border, progress)?
-        };
-        Ok(pixels.map(|[r, g, b, _]| [r, g, b]))
+        let (w, h) = (size.width() as f64, size.height() as f64);
+        let points = [
+            DVec2::ZERO,
+            dvec2(w, 0.0),
+            dvec2(w, h),
+            dvec2(0.0, h),
+            dvec2(w, h) * 0.5,
+        ];
+        let seen = self.0.seen(picture_from_output, &points, size, progress)?;
+        Ok(seen.map(|[r, g, b, _]| [r, g, b]))
     }
-}
-
-/// Samples along each axis of a pixel for a map; `None` where they would be too many, or the map meets its horizon.
-fn samples(picture_from_output: &Homography, size: Size) -> Option<usize> {
-    let (w, h) = (size.width() as f64, size.height() as f64);
-    let corners = [
-        DVec2::ZERO,
-        dvec2(w, 0.0),
-        dvec2(w, h),
-        dvec2(0.0, h),
-        dvec2(w, h) * 0.5,
-    ];
-    if !picture_from_output.is_in_front(&corners) {
-        return None;
-    }
-    let stretches = corners.map(|at| picture_from_output.largest_stretch(at));
-    let reduction = stretches.into_iter().fold(0.0, f64::max);
-    Interpolator::samples(reduction)
 }
 
 #[cfg(test)]
@@ -101,7 +83,6 @@ mod tests {
             let shift = Homography::from_translation(dvec2(7.3, 5.6)).unwrap();
             let map = shift * map;
             let size = Size::new((140.0 / scale) as usize, (100.0 / scale) as usize).unwrap();
-            assert!(samples(&map, size).is_some());
             let found = backdrop.view(&map, size, &progress).unwrap();
             for row in 0..size.height() {
                 for col in 0..size.width() {
@@ -130,12 +111,9 @@ mod tests {
     fn strong_reductions_and_horizons_are_filtered() {
         let size = Size::new(64, 48).unwrap();
         let reduced = Homography::from_scale(DVec2::splat(6.0)).unwrap();
-        assert_eq!(samples(&reduced, size), None);
-        assert_eq!(samples(&Homography::IDENTITY, size), Some(1));
         let mut matrix = glam::DMat3::IDENTITY;
         matrix.y_axis.z = -0.05;
         let tilted = Homography::from_matrix(matrix).unwrap();
-        assert_eq!(samples(&tilted, size), None);
         let backdrop = Backdrop::new(&picture()).unwrap();
         for map in [reduced, tilted] {
             let found = backdrop.view(&map, size, &Progress::none()).unwrap();

@@ -208,7 +208,7 @@ impl Enhancement<'_> {
     }
 }
 
-/// What a photo does not explain of a frame, in the size of the frame.
+/// Foreground of a frame over the photo, at the size of the frame.
 struct Foreground {
     /// Light of the frame against the photo.
     exposure: Exposure,

@@ -6,13 +6,14 @@
 use crate::Colors;
 use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
 use glam::{DVec2, DVec3, dvec2};
-use ravec_planar::Homography;
+use ravec_planar::{Beyond, Homography, warp};
+use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Mask, Size, SizeError};
 use std::sync::LazyLock;
 
 /// Pixels that the kernel reads along each axis.
 const TAPS: usize = 6;
-/// Pixels that are held beyond each border of a picture that goes on: half a kernel, and one for points beside the border.
+/// Padding of a picture with a replicated border: half a kernel, and one pixel for clamped positions.
 const BORDER_PX: usize = TAPS / 2 + 1;
 /// Pixels of the picture between samples, at most.
 const MAX_SPACING_PX: f64 = 1.25;
@@ -52,13 +53,13 @@ pub struct Interpolator {
     bounds: Bounds,
 }
 
-/// Where points of a picture lie in the pixels that are held.
+/// Clamping range of sample positions, and their offset in the padded picture.
 #[derive(Debug, Clone, Copy)]
 struct Bounds {
-    /// Points before these and beyond those are moved to them.
+    /// Sample positions are clamped to this range.
     low: DVec2,
     high: DVec2,
-    /// Pixels that are held before the picture.
+    /// Width of the padding in pixels.
     shift: f64,
 }
 
@@ -92,7 +93,7 @@ impl Interpolator {
         }
     }
 
-    /// Prepares `colors` that go on beyond their border with the colors there.
+    /// Prepares `colors` with a replicated border.
     pub(crate) fn continued(colors: &Colors) -> Result<Self, SizeError> {
         let (width, height) = (colors.width(), colors.height());
         let size = Size::new(width + 2 * BORDER_PX, height + 2 * BORDER_PX)?;
@@ -144,12 +145,46 @@ impl Interpolator {
         self
     }
 
-    /// Colors and 1; 0 where a pixel is excluded.
-    pub fn pixels(&self) -> Image<[f32; 4]> {
-        self.pixels.map(|pixel| {
+    /// The picture seen through a map from the output: colors times the share of it that is known, and this share.
+    ///
+    /// The larger singular value of the map at `points` of the output selects the filter: one Lanczos sample per pixel, the mean of up to
+    /// 4 × 4, or the elliptical filter of [`warp`](fn@ravec_planar::warp) above a factor of 5 and where a point lies behind the horizon.
+    ///
+    /// # Errors
+    /// [`Cancelled`].
+    pub fn seen(
+        &self,
+        image_from_output: &Homography,
+        points: &[DVec2],
+        size: Size,
+        progress: &Progress,
+    ) -> Result<Image<[f32; 4]>, Cancelled> {
+        progress.check()?;
+        match samples(image_from_output, points) {
+            Some(1) => Ok(self.view(image_from_output, size)),
+            Some(samples) => Ok(self.averaged(image_from_output, size, samples)),
+            None => self.filtered(image_from_output, size, progress),
+        }
+    }
+
+    /// The picture seen through the elliptical filter.
+    fn filtered(
+        &self,
+        image_from_output: &Homography,
+        size: Size,
+        progress: &Progress,
+    ) -> Result<Image<[f32; 4]>, Cancelled> {
+        let shift = DVec2::splat(self.bounds.shift);
+        let shift = Homography::from_translation(shift).unwrap_or(Homography::IDENTITY);
+        let map = shift * *image_from_output;
+        if self.excluded.is_none() && self.bounds.shift > 0.0 {
+            return warp(&self.pixels, &map, size, Beyond::Border, progress);
+        }
+        let known = self.pixels.map(|pixel| {
             let known = pixel[3] > 0.0;
             if known { pixel } else { [0.0; 4] }
-        })
+        });
+        warp(&known, &map, size, Beyond::Pixel([0.0; 4]), progress)
     }
 
     /// Colors seen through a map from the output, and 1 where the kernel lies in the picture and meets no pixel that is excluded; 0
@@ -167,16 +202,9 @@ impl Interpolator {
         output
     }
 
-    /// Samples along each axis of a pixel that [`averaged`](Self::averaged) needs where a map stretches the output by a factor; `None`
-    /// where they would take longer than a filter that fits each pixel.
-    pub fn samples(stretch: f64) -> Option<usize> {
-        let samples = (stretch / MAX_SPACING_PX).ceil().max(1.0);
-        (samples <= MAX_SAMPLES as f64).then_some(samples as usize)
-    }
-
     /// The mean of `samples` × `samples` views within each pixel of the output, for maps that reduce the picture by about as much:
     /// colors times the share of samples that are known, and this share.
-    pub fn averaged(
+    fn averaged(
         &self,
         image_from_output: &Homography,
         size: Size,
@@ -205,11 +233,6 @@ impl Interpolator {
             }
         });
         output
-    }
-
-    /// The pixels that are held, and the shift from the picture to them.
-    pub(crate) fn held(&self) -> (&Image<[f32; 4]>, DVec2) {
-        (&self.pixels, DVec2::splat(self.bounds.shift))
     }
 
     /// The pixels of a row of a view: homogeneous points from `start` in steps of `step`.
@@ -274,6 +297,19 @@ impl Interpolator {
         let [r, g, b, _] = color;
         Some([r, g, b, 1.0])
     }
+}
+
+/// Samples along each axis of a pixel for a map with these points of the output; `None` where more than [`MAX_SAMPLES`] are needed, or
+/// a point lies behind the horizon.
+fn samples(image_from_output: &Homography, points: &[DVec2]) -> Option<usize> {
+    if !image_from_output.is_in_front(points) {
+        return None;
+    }
+    let stretches = points
+        .iter()
+        .map(|at| image_from_output.largest_stretch(*at));
+    let samples = (stretches.fold(0.0, f64::max) / MAX_SPACING_PX).ceil();
+    (samples <= MAX_SAMPLES as f64).then_some((samples as usize).max(1))
 }
 
 /// For the first pixel of each kernel: 1 if the inner part of the kernel meets an excluded pixel.
@@ -375,7 +411,14 @@ mod tests {
         assert!(count > 1400, "{count}");
         // means of samples, without those that meet the excluded pixel
         let reduced = Homography::from_scale(DVec2::splat(2.0)).unwrap();
-        assert_eq!(Interpolator::samples(2.0), Some(2));
+        assert_eq!(samples(&reduced, &[dvec2(9.0, 7.0)]), Some(2));
+        let by = |factor: f64| Homography::from_scale(DVec2::splat(factor)).unwrap();
+        assert_eq!(samples(&by(0.3), &[DVec2::ZERO]), Some(1));
+        assert_eq!(samples(&by(6.0), &[DVec2::ZERO]), None);
+        let mut tilted = glam::DMat3::IDENTITY;
+        tilted.y_axis.z = -0.05;
+        let tilted = Homography::from_matrix(tilted).unwrap();
+        assert_eq!(samples(&tilted, &[dvec2(5.0, 30.0)]), None);
         let half = picture.averaged(&reduced, Size::new(24, 20).unwrap(), 2);
         for row in 3..17 {
             for col in 3..21 {

@@ -10,7 +10,7 @@ use crate::files;
 use crate::operation::{Operation, paths};
 use crate::plane::Quad;
 use crate::report::Report;
-use crate::shot::{encoded, seen};
+use crate::shot::encoded;
 use crate::video::{Encoding, clip_folders, clip_outputs};
 use glam::{DVec2, dvec2};
 use ravec::matting::Colors;
@@ -221,13 +221,9 @@ impl FrameEdit for Frames {
         let output_from_photo = half.inverse() * map * photo.reference_from_photo;
         let middle = output_from_photo.apply(photo.middle);
         let photo_from_output = output_from_photo.inverse().facing(middle);
-        let mut photo = seen(
-            &photo.picture,
-            &photo_from_output,
-            middle,
-            self.size,
-            context,
-        )?;
+        let progress = context.progress.silent();
+        let mut photo =
+            (photo.picture).seen(&photo_from_output, &[middle], self.size, &progress)?;
         if self.blur == PhotoBlur::Matched {
             photo = elliptic_gaussian_blur(&photo, blur.enlarged(2.0));
         }
@@ -302,7 +298,8 @@ impl Enhance {
         let plate = encoded(&plate);
         let on_plate = found.frame_from_photo.apply(middle);
         let photo_from_plate = found.frame_from_photo.inverse().facing(on_plate);
-        let laid = seen(&picture, &photo_from_plate, on_plate, plate.size(), context)?;
+        let progress = context.progress.silent();
+        let laid = picture.seen(&photo_from_plate, &[on_plate], plate.size(), &progress)?;
         // what lies beyond the reference frame may be invented
         let pad = shot.pad;
         let in_frame = |col: usize, row: usize| {
