@@ -291,7 +291,7 @@ pub(crate) fn scaled_from_file(
         ..limits.clone()
     };
     let photo = match read(path, &limits) {
-        Ok(picture) => opaque(&picture.image),
+        Ok(picture) => opaque(picture.image),
         Err(error) => return Ok(Err(error.cause.to_string())),
     };
     let image = scaled_photo(&photo, size, crop)
@@ -303,6 +303,8 @@ pub(crate) fn scaled_from_file(
 fn need(decoding: u64, probe: &Probe, tile: Size) -> u64 {
     /// Rows of the result that are resampled at once, with their surroundings in floats.
     const ROWS_AT_ONCE: u64 = 32;
+    /// Pixels of the photo that are floats at once, at least 8 rows.
+    const PIXELS_AT_ONCE: u64 = 1 << 14;
     let (width, height) = (probe.size.width() as u64, probe.size.height() as u64);
     let pixels = width.saturating_mul(height);
     let channels = 3 + u64::from(probe.alpha);
@@ -318,7 +320,8 @@ fn need(decoding: u64, probe: &Probe, tile: Size) -> u64 {
     let (columns, rows) = (tile.width() as u64, tile.height() as u64);
     let scale = height.div_ceil(rows);
     let source_rows = height.min((ROWS_AT_ONCE + 4).saturating_mul(scale) + 8);
-    let strip = (12 * (width + columns)).saturating_mul(source_rows) + 12 * ROWS_AT_ONCE * columns;
+    let block = 12 * PIXELS_AT_ONCE.max(8 * width);
+    let strip = (12 * columns).saturating_mul(source_rows) + block + 12 * ROWS_AT_ONCE * columns;
     let scaling = pixels
         .saturating_mul(6)
         .saturating_add(strip)

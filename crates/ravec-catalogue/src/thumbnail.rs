@@ -11,8 +11,11 @@ use std::sync::LazyLock;
 pub(crate) const THUMBNAIL: usize = 36;
 
 /// Pixels of a photo in 8 bits, on white where it is transparent.
-pub(crate) fn opaque(picture: &AnyImage) -> Image<Srgb<u8>> {
-    with_image!(picture, image => opaque_image(image))
+pub(crate) fn opaque(picture: AnyImage) -> Image<Srgb<u8>> {
+    match picture {
+        AnyImage::Srgb8(image) => image,
+        picture => with_image!(&picture, image => opaque_image(image)),
+    }
 }
 
 fn opaque_image<P: Color>(image: &Image<P>) -> Image<Srgb<u8>> {
@@ -194,9 +197,9 @@ mod tests {
         let size = Size::new(50, 50).unwrap();
         let glass: AnyImage = Image::new(size, Srgba([0u8, 200, 0, 0])).into();
         assert_eq!(thumbnail(&glass).pixels()[0], Srgb([255; 3]));
-        assert_eq!(opaque(&glass).pixels()[0], Srgb([255; 3]));
         assert_eq!(light(&glass).pixels()[0], LinearRgb([1.0; 3]));
+        assert_eq!(opaque(glass).pixels()[0], Srgb([255; 3]));
         let solid: AnyImage = Image::new(size, Srgba([9u8, 200, 0, 255])).into();
-        assert_eq!(opaque(&solid).pixels()[0], Srgb([9, 200, 0]));
+        assert_eq!(opaque(solid).pixels()[0], Srgb([9, 200, 0]));
     }
 }

@@ -65,31 +65,74 @@ struct Quarter {
     /// For each cell before, in and behind a quarter, as far as the kernels reach, the sums of the two kernels over the cells of
     /// the quarter along one axis.
     sums: Vec<[f32; SIGMAS.len()]>,
-    /// The sum of the kernel between the cells of two quarters of a tile.
-    between: [[f32; 4]; 4],
+    /// The energy of each mode of a tile whose square is 1, with all cells of the tile.
+    energies: [f32; MODES],
 }
 
-/// Dependence of the energy on the residual of one tile, all others fixed.
+/// The colors of four quarters in the orthonormal basis of Walsh and Hadamard: for each channel half the sum of the quarters, half
+/// of right less left, half of lower less upper, and half of one diagonal less the other, with signs turned. Energies have no
+/// products of different modes, as the kernel between two quarters depends only on whether they differ across and down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Modes([f32; MODES]);
+
+/// Four modes of three channels.
+const MODES: usize = 12;
+
+impl Modes {
+    pub fn of(quarters: &[[f32; 3]; 4]) -> Self {
+        let mut modes = [0.0; MODES];
+        for (modes, values) in modes.chunks_exact_mut(3).zip(transformed(quarters)) {
+            modes.copy_from_slice(&values);
+        }
+        Self(modes)
+    }
+
+    /// The quarters, to rounding.
+    fn quarters(&self) -> [[f32; 3]; 4] {
+        let mode = |m: usize| [0, 1, 2].map(|c| self.0[3 * m + c]);
+        transformed(&[mode(0), mode(1), mode(2), mode(3)])
+    }
+}
+
+/// The transform of Walsh and Hadamard over four quarters, which is its own inverse.
+fn transformed([a, b, c, d]: &[[f32; 3]; 4]) -> [[f32; 3]; 4] {
+    let of = |signs: [f32; 4]| {
+        [0, 1, 2].map(|channel| {
+            let [s, t, u, v] = signs;
+            0.5 * (s * a[channel] + t * b[channel] + u * c[channel] + v * d[channel])
+        })
+    };
+    [
+        of([1.0, 1.0, 1.0, 1.0]),
+        of([1.0, -1.0, 1.0, -1.0]),
+        of([1.0, 1.0, -1.0, -1.0]),
+        of([1.0, -1.0, -1.0, 1.0]),
+    ]
+}
+
+/// Dependence of the energy on the photo of one tile, all others fixed.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pull {
-    linear: [[f32; 3]; 4],
-    quadratic: [[f32; 4]; 4],
+    /// The picture in the tile.
+    wanted: Modes,
+    linear: [f32; MODES],
+    quadratic: [f32; MODES],
 }
 
 impl Pull {
-    /// The part of the energy that depends on the residual of the tile.
-    pub fn energy(&self, residual: &Residual) -> f32 {
-        let mut sum = 0.0f32;
-        for (a, here) in residual.iter().enumerate() {
-            for c in 0..3 {
-                let mut field = 2.0 * self.linear[a][c];
-                for (b, there) in residual.iter().enumerate() {
-                    field += self.quadratic[a][b] * there[c];
-                }
-                sum += here[c] * field;
+    /// The part of the energy that depends on the photo of the tile.
+    #[inline]
+    pub fn energy(&self, photo: &Modes) -> f32 {
+        // four sums for the lanes of a vector
+        let mut sums = [0.0f32; 4];
+        for at in (0..MODES).step_by(4) {
+            for (lane, sum) in sums.iter_mut().enumerate() {
+                let residual = photo.0[at + lane] - self.wanted.0[at + lane];
+                let field = self.quadratic[at + lane] * residual + self.linear[at + lane];
+                *sum += residual * field;
             }
         }
-        sum
+        (sums[0] + sums[2]) + (sums[1] + sums[3])
     }
 }
 
@@ -122,8 +165,8 @@ impl Eye {
         }
     }
 
-    /// Dependence of the energy on the residual of a tile, which is set to 0.
-    pub fn lift(&mut self, tile: Footprint) -> Pull {
+    /// Dependence of the energy on the photo of a tile where the picture is `wanted`. The residual of the tile is set to 0.
+    pub fn lift(&mut self, tile: Footprint, wanted: Modes) -> Pull {
         self.put(tile, &[[0.0; 3]; 4]);
         let quarter = &self.quarters[tile.quarter - 1];
         let around = quarter.sums.len();
@@ -147,8 +190,9 @@ impl Eye {
             }
         }
         Pull {
-            linear,
-            quadratic: quarter.between,
+            wanted,
+            linear: Modes::of(&linear).0.map(|value| 2.0 * value),
+            quadratic: quarter.energies,
         }
     }
 }
@@ -180,21 +224,26 @@ impl Quarter {
             let of = |begin: usize| -> f64 { sums.iter().skip(begin).take(side).sum() };
             [of(reach), of(reach + side)]
         });
-        let mut between = [[0.0; 4]; 4];
-        for (a, sums) in between.iter_mut().enumerate() {
-            for (b, sum) in sums.iter_mut().enumerate() {
-                let (across, down) = ((a ^ b) % 2, (a ^ b) / 2);
-                *sum = halves
-                    .iter()
-                    .map(|half| half[across] * half[down])
-                    .sum::<f64>() as f32;
-            }
+        // a mode is even or odd along each axis: its half goes with itself, and with or against the other
+        let along = |half: &[f64; 2], odd: usize| match odd {
+            0 => half[0] + half[1],
+            _ => half[0] - half[1],
+        };
+        let energy = |mode: usize| -> f64 {
+            let (across, down) = (mode % 2, mode / 2);
+            (halves.iter())
+                .map(|half| along(half, across) * along(half, down))
+                .sum()
+        };
+        let mut energies = [0.0; MODES];
+        for (mode, energies) in energies.chunks_exact_mut(3).enumerate() {
+            energies.fill(energy(mode) as f32);
         }
         Self {
             sums: (0..side + width - 1)
                 .map(|at| sums.each_ref().map(|sums| sums[at] as f32))
                 .collect(),
-            between,
+            energies,
         }
     }
 
@@ -219,8 +268,8 @@ pub(crate) fn tile_cost(tile: &Tile, units: usize, distance_sq: f32) -> f32 {
 }
 
 /// The quarters of a photo less those of its tile.
-pub(crate) fn residual(photo: &[[f32; 3]; 4], tile: &Descriptor) -> Residual {
-    let mut result = *photo;
+pub(crate) fn residual(photo: &Modes, tile: &Descriptor) -> Residual {
+    let mut result = photo.quarters();
     for (result, tile) in result.iter_mut().zip(&tile.quarters) {
         for (result, tile) in result.iter_mut().zip(tile) {
             *result -= tile;
@@ -268,6 +317,18 @@ mod tests {
     }
 
     #[test]
+    fn modes_keep_sums_of_squares_and_give_the_quarters_back() {
+        let quarters = some(11);
+        let modes = Modes::of(&quarters);
+        let square = |values: &[f32]| values.iter().map(|v| v * v).sum::<f32>();
+        let difference = square(&modes.0) - square(quarters.as_flattened());
+        assert!(difference.abs() < 1e-6, "{difference}");
+        let back = modes.quarters();
+        let pairs = back.as_flattened().iter().zip(quarters.as_flattened());
+        assert!(pairs.into_iter().all(|(a, b)| (a - b).abs() < 1e-6));
+    }
+
+    #[test]
     fn the_change_of_the_energy_is_that_of_the_pull() {
         let tile = |col, row, quarter| Footprint { col, row, quarter };
         for units in [1, 2] {
@@ -276,11 +337,16 @@ mod tests {
             eye.put(tile(2, 0, 1), &some(2));
             eye.put(tile(8, 4, 2), &some(3));
             for at in [tile(2, 2, 1), tile(4, 2, 2), tile(10, 0, 1)] {
-                let pull = eye.lift(at);
+                let tile = Descriptor {
+                    coefficients: vec![],
+                    quarters: some(7),
+                };
+                let pull = eye.lift(at, Modes::of(&tile.quarters));
                 let without = energy(&eye, units, 0.7);
-                eye.put(at, &some(5));
+                let photo = Modes::of(&some(5));
+                eye.put(at, &residual(&photo, &tile));
                 let change = energy(&eye, units, 0.7) - without;
-                let error = (change - f64::from(pull.energy(&some(5)))).abs();
+                let error = (change - f64::from(pull.energy(&photo))).abs();
                 // sums of some hundred products in single precision
                 assert!(error < 1e-4 * change.abs().max(1.0), "{error} of {change}");
                 eye.put(at, &[[0.0; 3]; 4]);

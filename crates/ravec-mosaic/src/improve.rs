@@ -9,7 +9,7 @@
 //! least energy.
 
 use crate::choose::{ChooseParams, Problem};
-use crate::eye::{Eye, Pull, residual, tile_cost};
+use crate::eye::{Eye, Modes, Pull, residual, tile_cost};
 use crate::rules::Placement;
 use ravec_progress::{Cancelled, Progress};
 
@@ -75,20 +75,21 @@ struct Round<'a> {
 impl Round<'_> {
     fn show(&mut self, tile: usize, photo: u32) {
         let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.quarters(photo), &tile.descriptor);
+        let residual = residual(self.problem.photos.modes(photo), &tile.descriptor);
         self.eye.put(tile.footprint(self.cells), &residual);
     }
 
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.quarters(photo), &tile.descriptor);
-        tile_cost(tile, self.problem.tiling.units, cost) + pull.energy(&residual)
+        tile_cost(tile, self.problem.tiling.units, cost)
+            + pull.energy(self.problem.photos.modes(photo))
     }
 
     fn lift(&mut self, tile: usize) -> Pull {
-        self.eye
-            .lift(self.problem.tiles[tile].footprint(self.cells))
+        let tile = &self.problem.tiles[tile];
+        let wanted = Modes::of(&tile.descriptor.quarters);
+        self.eye.lift(tile.footprint(self.cells), wanted)
     }
 
     /// Gives a tile a better photo, if there is one.

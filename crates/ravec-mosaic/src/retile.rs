@@ -18,7 +18,7 @@
 
 use crate::choose::{ChooseParams, Photos};
 use crate::descriptor::Frame;
-use crate::eye::{Eye, Pull, residual, tile_cost};
+use crate::eye::{Eye, Modes, Pull, residual, tile_cost};
 use crate::search::Near;
 use crate::tiling::{Tile, Tiling};
 use ravec_progress::{Cancelled, Progress};
@@ -298,7 +298,8 @@ impl<'a> Mosaic<'a> {
     fn put(&mut self, place: Place) -> f32 {
         self.learn(place);
         let (tile, near) = &self.known[&place];
-        let pull = self.eye.lift(tile.footprint(1));
+        let wanted = Modes::of(&tile.descriptor.quarters);
+        let pull = self.eye.lift(tile.footprint(1), wanted);
         let center = self.empty.center(tile);
         let mut options: Vec<(f32, u32)> = near
             .iter()
@@ -349,12 +350,12 @@ impl<'a> Mosaic<'a> {
     }
 
     fn energy(&self, tile: &Tile, photo: u32, distance_sq: f32, pull: &Pull) -> f32 {
-        let residual = residual(self.source.photos.quarters(photo), &tile.descriptor);
-        tile_cost(tile, self.empty.units, distance_sq) + pull.energy(&residual)
+        tile_cost(tile, self.empty.units, distance_sq)
+            + pull.energy(self.source.photos.modes(photo))
     }
 
     fn insert(&mut self, tile: Tile, photo: u32) {
-        let residual = residual(self.source.photos.quarters(photo), &tile.descriptor);
+        let residual = residual(self.source.photos.modes(photo), &tile.descriptor);
         self.eye.put(tile.footprint(1), &residual);
         self.own(&tile, self.next);
         self.shown[self.source.photos.group(photo)].push(self.empty.center(&tile));
@@ -368,7 +369,8 @@ impl<'a> Mosaic<'a> {
             .tiles
             .remove(&number)
             .expect("units are owned by tiles that are there");
-        let pull = self.eye.lift(tile.footprint(1));
+        let wanted = Modes::of(&tile.descriptor.quarters);
+        let pull = self.eye.lift(tile.footprint(1), wanted);
         let energy = self.energy(&tile, photo, self.source.photos.cost(&tile, photo), &pull);
         self.own(&tile, FREE);
         let center = self.empty.center(&tile);

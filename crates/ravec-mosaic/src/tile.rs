@@ -2,6 +2,7 @@
 
 use crate::descriptor::Frame;
 use ravec_raster::{Image, ResizeFilter, Size, Srgb, resize};
+use std::borrow::Cow;
 
 /// Treatment of photos whose proportions are not those of the tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -68,9 +69,13 @@ pub fn scaled_photo(photo: &Image<Srgb<u8>>, tile: Size, crop: Crop) -> Option<I
         side(frame.width, photo.width()),
         side(frame.height, photo.height()),
     );
-    let cut = photo
-        .crop(frame.left as usize, frame.top as usize, size.ok()?)
-        .ok()?;
+    let size = size.ok()?;
+    let cut = if size == photo.size() {
+        Cow::Borrowed(photo)
+    } else {
+        let cut = photo.crop(frame.left as usize, frame.top as usize, size);
+        Cow::Owned(cut.ok()?)
+    };
     let shrinks = tile.width() < cut.width() && tile.height() < cut.height();
     let filter = if shrinks {
         ResizeFilter::Box

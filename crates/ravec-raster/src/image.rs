@@ -4,6 +4,7 @@ use crate::chunks::for_each_chunk;
 use crate::pixel::{Color, Pixel, Sample, Srgb, Srgba};
 use crate::size::{Size, SizeError};
 use rayon::prelude::*;
+use std::any::TypeId;
 
 /// A rectangle of pixels, row by row from the top, without padding.
 ///
@@ -189,18 +190,23 @@ impl<P: Pixel> Image<P> {
         let width = size.width().min(self.width().saturating_sub(col));
         let height = size.height().min(self.height().saturating_sub(row));
         let size = Size::new(width, height)?;
-        let pixels =
-            (row..row + height).flat_map(|y| self.row(y)[col..col + width].iter().copied());
-        Ok(Self {
-            size,
-            pixels: pixels.collect(),
-        })
+        let mut pixels = Vec::with_capacity(width * height);
+        for y in row..row + height {
+            pixels.extend_from_slice(&self.row(y)[col..col + width]);
+        }
+        Ok(Self { size, pixels })
     }
 }
 
 impl<P: Color> Image<P> {
-    /// The same picture in another pixel type, in parallel.
+    /// The same picture in another pixel type, in parallel. In its own type it is a copy, bit for bit.
     pub fn convert<Q: Color>(&self) -> Image<Q> {
+        if TypeId::of::<P>() == TypeId::of::<Q>() {
+            return Image {
+                size: self.size,
+                pixels: bytemuck::cast_slice(&self.pixels).to_vec(),
+            };
+        }
         self.map(|pixel| Q::from_linear(pixel.to_linear()))
     }
 

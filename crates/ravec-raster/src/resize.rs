@@ -18,7 +18,6 @@ use crate::pixel::{
 use crate::size::Size;
 use fast_image_resize as fir;
 use rayon::prelude::*;
-use std::borrow::Cow;
 
 /// The kernel of a [`resize`](crate::resize()).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -43,8 +42,11 @@ pub enum ResizeFilter {
 pub trait Resample: Pixel {
     /// The type in which pixels are averaged; of at most 4 channels.
     type Averaged: Average;
-    /// These pixels, ready to be averaged.
-    fn averaged(pixels: &[Self]) -> Cow<'_, [Self::Averaged]>;
+    /// These pixels, ready to be averaged: themselves, or others in a buffer.
+    fn averaged<'a>(
+        pixels: &'a [Self],
+        buffer: &'a mut Vec<Self::Averaged>,
+    ) -> &'a [Self::Averaged];
     /// A pixel from an average.
     fn from_averaged(average: Self::Averaged) -> Self;
 }
@@ -54,8 +56,8 @@ macro_rules! resample_directly {
         $(impl Resample for $pixel {
             type Averaged = Self;
             #[inline]
-            fn averaged(pixels: &[Self]) -> Cow<'_, [Self]> {
-                Cow::Borrowed(pixels)
+            fn averaged<'a>(pixels: &'a [Self], _: &'a mut Vec<Self>) -> &'a [Self] {
+                pixels
             }
             #[inline(always)]
             fn from_averaged(average: Self) -> Self {
@@ -70,8 +72,10 @@ macro_rules! resample_by {
         $(impl $(<$t: Sample>)? Resample for $pixel {
             type Averaged = $averaged;
             #[inline]
-            fn averaged(pixels: &[Self]) -> Cow<'_, [$averaged]> {
-                pixels.iter().map(|pixel| <$averaged>::from_linear(pixel.to_linear())).collect()
+            fn averaged<'a>(pixels: &'a [Self], buffer: &'a mut Vec<$averaged>) -> &'a [$averaged] {
+                buffer.clear();
+                buffer.extend(pixels.iter().map(|pixel| <$averaged>::from_linear(pixel.to_linear())));
+                buffer
             }
             #[inline(always)]
             fn from_averaged(average: $averaged) -> Self {
@@ -87,6 +91,13 @@ resample_by!([T] Srgb<T> => LinearRgb, [T] Srgba<T> => PremulLinearRgba, [] Line
 /// Rows of the result that are made at once. Fewer cost more kernel rows twice, more leave threads idle on small
 /// pictures; bytes do not depend on it beyond rounding, but it is fixed so that they do not depend on threads at all.
 const ROWS_PER_STRIP: usize = 32;
+
+/// Rows of the source that the pass along them takes at once: about as many pixels as a cache holds as floats. Whole groups of
+/// rows, as the kernels take four together.
+fn rows_per_block(width: usize) -> usize {
+    const PIXELS: usize = 1 << 13;
+    (PIXELS / width).next_multiple_of(8).max(8)
+}
 
 /// The picture at another size.
 ///
@@ -119,8 +130,8 @@ pub fn resize<P: Resample>(image: &Image<P>, size: Size, filter: ResizeFilter) -
     result
         .par_strips_mut(ROWS_PER_STRIP)
         .enumerate()
-        .for_each_init(fir::Resizer::new, |resizer, (index, pixels)| {
-            resize_strip(image, size, kernel, resizer, index * ROWS_PER_STRIP, pixels);
+        .for_each_init(Worker::default, |worker, (index, pixels)| {
+            resize_strip(image, size, kernel, worker, index * ROWS_PER_STRIP, pixels);
         });
     result
 }
@@ -141,12 +152,27 @@ fn nearest<P: Pixel>(image: &Image<P>, size: Size) -> Image<P> {
     result
 }
 
+/// What a thread keeps from one strip to the next.
+struct Worker<A> {
+    resizer: fir::Resizer,
+    buffer: Vec<A>,
+}
+
+impl<A> Default for Worker<A> {
+    fn default() -> Self {
+        Self {
+            resizer: fir::Resizer::new(),
+            buffer: Vec::new(),
+        }
+    }
+}
+
 /// Fills the rows of the result from `first_row` on. `kernel` is the filter and its reach in its own unit.
 fn resize_strip<P: Resample>(
     image: &Image<P>,
     size: Size,
     (filter, reach): (fir::FilterType, f64),
-    resizer: &mut fir::Resizer,
+    Worker { resizer, buffer }: &mut Worker<P::Averaged>,
     first_row: usize,
     pixels: &mut [P],
 ) {
@@ -158,7 +184,7 @@ fn resize_strip<P: Resample>(
     let margin = reach * scale.max(1.0) + 1.0;
     let first = (top - margin).floor().max(0.0) as usize;
     let end = ((top + height + margin).ceil() as usize).min(image.height());
-    let source = P::averaged(&image.pixels()[first * image.width()..end * image.width()]);
+    let source = &image.pixels()[first * image.width()..end * image.width()];
     let source_rows = end - first;
     let algorithm = fir::ResizeOptions::new()
         .resize_alg(fir::ResizeAlg::Convolution(filter))
@@ -166,36 +192,45 @@ fn resize_strip<P: Resample>(
 
     // The two passes are two calls: within one call the library keeps only the rows between the first kernel's start
     // and the last kernel's end, and a cubic or sinc kernel that falls on a pixel center is shorter than its neighbors.
-    let source: Cow<'_, [P::Averaged]> = if image.width() == size.width() {
-        source
+    let mut wide: Vec<P::Averaged>;
+    let source: &[P::Averaged] = if image.width() == size.width() {
+        P::averaged(source, buffer)
     } else {
-        let mut wide = vec![P::Averaged::ZERO; size.width() * source_rows];
-        convolve(
-            resizer,
-            P::Averaged::CHANNELS,
-            (P::Averaged::numbers(&source), image.width()),
-            (P::Averaged::numbers_mut(&mut wide), size.width()),
-            &algorithm,
-        );
-        Cow::Owned(wide)
+        wide = vec![P::Averaged::ZERO; size.width() * source_rows];
+        let rows = rows_per_block(image.width());
+        let blocks = source.chunks(rows * image.width());
+        for (source, wide) in blocks.zip(wide.chunks_mut(rows * size.width())) {
+            convolve(
+                resizer,
+                P::Averaged::CHANNELS,
+                (
+                    P::Averaged::numbers(P::averaged(source, buffer)),
+                    image.width(),
+                ),
+                (P::Averaged::numbers_mut(wide), size.width()),
+                &algorithm,
+            );
+        }
+        &wide
     };
-    let strip: Cow<'_, [P::Averaged]> = if image.height() == size.height() {
+    let mut high: Vec<P::Averaged>;
+    let strip: &[P::Averaged] = if image.height() == size.height() {
         let offset = (first_row - first) * size.width();
-        Cow::Borrowed(&source[offset..][..pixels.len()])
+        &source[offset..][..pixels.len()]
     } else {
-        let mut high = vec![P::Averaged::ZERO; pixels.len()];
+        high = vec![P::Averaged::ZERO; pixels.len()];
         let top = top - first as f64;
         let height = height.min(source_rows as f64 - top);
         convolve(
             resizer,
             P::Averaged::CHANNELS,
-            (P::Averaged::numbers(&source), size.width()),
+            (P::Averaged::numbers(source), size.width()),
             (P::Averaged::numbers_mut(&mut high), size.width()),
             &algorithm.crop(0.0, top, size.width() as f64, height),
         );
-        Cow::Owned(high)
+        &high
     };
-    for (pixel, &average) in pixels.iter_mut().zip(strip.iter()) {
+    for (pixel, &average) in pixels.iter_mut().zip(strip) {
         *pixel = P::from_averaged(average);
     }
 }

@@ -3,6 +3,7 @@
 use super::ChooseParams;
 use crate::by_hand::{ByHand, Hand};
 use crate::descriptor::{Descriptor, Weights};
+use crate::eye::Modes;
 use crate::rules::ChooseError;
 use crate::search::{Near, PhotoIndex};
 use crate::tiling::{Tile, Tiling};
@@ -12,7 +13,7 @@ use crate::tiling::{Tile, Tiling};
 pub struct Photos {
     /// For tiles without an edge, and for those with one if they are compared in another way.
     classes: Vec<Class>,
-    quarters: Vec<[[f32; 3]; 4]>,
+    modes: Vec<Modes>,
     pub(super) groups: Vec<u32>,
     pub(super) different: usize,
     /// The groups that are banned.
@@ -75,9 +76,9 @@ impl Photos {
             classes: std::iter::once(Class::new(descriptors, params.weights, 1.0))
                 .chain(features)
                 .collect(),
-            quarters: descriptors
+            modes: descriptors
                 .iter()
-                .map(|descriptor| descriptor.quarters)
+                .map(|descriptor| Modes::of(&descriptor.quarters))
                 .collect(),
             different,
             groups,
@@ -135,8 +136,8 @@ impl Photos {
         self.different
     }
 
-    pub(crate) fn quarters(&self, photo: u32) -> &[[f32; 3]; 4] {
-        &self.quarters[photo as usize]
+    pub(crate) fn modes(&self, photo: u32) -> &Modes {
+        &self.modes[photo as usize]
     }
 
     pub(crate) fn group(&self, photo: u32) -> usize {
