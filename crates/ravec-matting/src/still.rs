@@ -13,13 +13,14 @@
 //! solution to natural image matting*, 2008 (Laplacian).
 
 use crate::field::{ColorField, color_field};
-use crate::half::doubled;
+use crate::half::doubled_row;
 use crate::laplacian::{DataTerm, Span, Unknowns};
 use crate::levels::Levels;
 use crate::matte::{Colors, Constraint, Constraints, Matte, MattingError};
 use crate::mixture::ModelRow;
 use ravec_progress::Progress;
 use ravec_raster::{Image, Plane};
+use rayon::prelude::*;
 use std::ops::Range;
 
 /// Noise of a picture: that of good photographs, which the steps of 8 bits set a floor for.
@@ -69,7 +70,13 @@ pub fn still_matte(
 ) -> Result<StillMatte, MattingError> {
     check(picture, constraints)?;
     progress.check()?;
-    let picture = &picture.map(|color| color.map(in_range));
+    let clamped;
+    let picture = if is_in_range(picture) {
+        picture
+    } else {
+        clamped = picture.map(|color| color.map(in_range));
+        &clamped
+    };
     let planes = [0, 1, 2].map(|channel| picture.map(|color| color[channel] / NOISE));
     let unknowns = Unknowns::new(picture.size(), |col, row| {
         Constraint::of(constraints[(col, row)]) == Constraint::Unknown
@@ -101,6 +108,8 @@ pub fn still_matte(
         };
         levels.solve(&data, &mut alpha, steps, progress)?;
         if pass < PASSES {
+            // the memory of the models serves the new ones
+            drop(sides);
             sides = Sides::refined(&planes, &alpha, unknowns, &estimates.variance);
         }
         phase.advance(1);
@@ -232,18 +241,24 @@ impl Sides {
     ) -> [Colors; 2] {
         // a side that a pixel does not show continues from its samples
         let side = |field: &ColorField, whole: f32| {
-            let mean = field
-                .mean
-                .each_ref()
-                .map(|half| doubled(half, picture.size()));
-            Image::from_fn(picture.size(), |col, row| {
-                let at = (col, row);
-                if alpha[at] == whole {
-                    picture[at]
-                } else {
-                    shown([0, 1, 2].map(|channel| mean[channel][at]))
-                }
-            })
+            let mut colors = Image::new(picture.size(), [0.0f32; 3]);
+            colors.par_rows_mut().enumerate().for_each_init(
+                || (Vec::new(), [(); 3].map(|()| vec![0.0; picture.width()])),
+                |(scratch, mean), (row, out)| {
+                    for (half, line) in field.mean.iter().zip(&mut *mean) {
+                        doubled_row(half, row, scratch, line);
+                    }
+                    let alpha = alpha.row(row).iter().zip(picture.row(row));
+                    for (col, (out, (alpha, color))) in out.iter_mut().zip(alpha).enumerate() {
+                        *out = if *alpha == whole {
+                            *color
+                        } else {
+                            shown([0, 1, 2].map(|channel| mean[channel][col]))
+                        };
+                    }
+                },
+            );
+            colors
         };
         let mut foreground = side(&self.foreground, 1.0);
         let mut background = side(&self.background, 0.0);
@@ -265,6 +280,12 @@ impl Sides {
         }
         [foreground, background]
     }
+}
+
+/// Returns `true` if all values are from 0 to 1.
+fn is_in_range(picture: &Colors) -> bool {
+    let mut values = picture.pixels().as_flattened().iter();
+    values.all(|value| (0.0..=1.0).contains(value))
 }
 
 /// A value from 0 to 1; NaN becomes 0.

@@ -16,7 +16,9 @@
 //! Non-guarantees: pictures scaled after compression are not recognized; chroma is cleaned but not bounded.
 
 use super::dct::{Block, SIDE, forward, inverse};
+use super::strip::encoded;
 use crate::pixel::{countable, is_countable};
+use fearless_simd::{Level, Simd, dispatch};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::color::{linear_from_srgb, srgb_from_linear};
 use ravec_raster::{Image, LinearRgba, LinearRows, Plane, Rect, Size};
@@ -86,8 +88,16 @@ pub(super) struct Compression {
 /// Luma as JPEG has it, 0 to 255, from linear light.
 #[inline(always)]
 fn luma(color: LinearRgba) -> f32 {
-    let [r, g, b] = countable(color).rgb().map(srgb_from_linear);
+    let [r, g, b] = encoded(countable(color).rgb());
     255.0 * (0.299 * r + 0.587 * g + 0.114 * b)
+}
+
+/// [`luma`] of the pixels of a row.
+#[inline(always)]
+fn lumas<S: Simd>(_simd: S, pixels: &[LinearRgba], out: &mut [f32]) {
+    for (out, &pixel) in out.iter_mut().zip(pixels) {
+        *out = luma(pixel);
+    }
 }
 
 impl Compression {
@@ -98,12 +108,11 @@ impl Compression {
         let height = size.height().min(PROBE_SIDE);
         let [left, top] = [(size.width() - width) / 2, (size.height() - height) / 2];
         let mut part = Plane::new(Size::new(width, height).ok()?, 0.0);
+        let simd = Level::new();
         part.for_each_row(|row, part| {
             let mut run = vec![LinearRgba::default(); width];
             image.read_linear(top + row, left, &mut run);
-            for (part, &pixel) in part.iter_mut().zip(&run) {
-                *part = luma(pixel);
-            }
+            dispatch!(simd, simd => lumas(simd, &run, part));
         });
         let phase = [
             grid_phase(&part, |x, y| [x, y]),
@@ -259,19 +268,29 @@ fn quantization_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
     Some(STANDARD_STEPS.map(|row| row.map(|step| (step * scale).max(1.0))))
 }
 
-/// The largest step of whose multiples nearly all values lie close to.
+/// The largest step of whose multiples nearly all values, none below 0, lie close to.
 fn quantization_step(values: &[f32]) -> Option<f32> {
+    let simd = Level::new();
     STEPS.rev().map(|step| step as f32).find(|&step| {
-        let mut large = 0;
-        let mut close = 0;
-        for &value in values.iter().filter(|&&value| value > 0.5 * step) {
-            large += 1;
-            close += usize::from((value - step * (value / step).round()).abs() <= CLOSE);
-        }
+        let (large, close) = dispatch!(simd, simd => close_to_multiples(simd, values, step));
         let by_chance = 2.0 * CLOSE / step;
         let least = by_chance + MIN_CLOSE * (1.0 - by_chance);
-        large >= MIN_COEFFICIENTS && close as f32 >= least * large as f32
+        large as usize >= MIN_COEFFICIENTS && close as f32 >= least * large as f32
     })
+}
+
+/// Number of values above half a step, and of those of them that lie close to a multiple of the step.
+#[inline(always)]
+fn close_to_multiples<S: Simd>(_simd: S, values: &[f32], step: f32) -> (u32, u32) {
+    let (mut large, mut close) = (0, 0);
+    for &value in values {
+        // the nearest whole number, without a call as that of `round`
+        let multiple = step * (value / step + 0.5) as i32 as f32;
+        let is_large = u32::from(value > 0.5 * step);
+        large += is_large;
+        close += is_large & u32::from((value - multiple).abs() <= CLOSE);
+    }
+    (large, close)
 }
 
 #[cfg(test)]

@@ -21,7 +21,15 @@ static BASIS: std::sync::LazyLock<Block> = std::sync::LazyLock::new(|| {
     })
 });
 
+/// The block of values that lie row by row.
+#[inline(always)]
+pub(super) fn block_of(values: &[f32; SIDE * SIDE]) -> Block {
+    let (rows, _) = values.as_chunks();
+    std::array::from_fn(|row| rows[row])
+}
+
 /// `a · b`.
+#[inline(always)]
 fn product(a: &Block, b: &Block) -> Block {
     std::array::from_fn(|row| {
         let mut sum = [0.0; SIDE];
@@ -34,11 +42,13 @@ fn product(a: &Block, b: &Block) -> Block {
     })
 }
 
+#[inline(always)]
 fn transposed(a: &Block) -> Block {
     std::array::from_fn(|row| std::array::from_fn(|col| a[col][row]))
 }
 
 /// The orthonormal cosine coefficients of a block, `[vertical][horizontal]` frequency.
+#[inline(always)]
 pub(super) fn forward(block: &Block) -> Block {
     let basis = &*BASIS;
     product(&product(basis, block), &transposed(basis))

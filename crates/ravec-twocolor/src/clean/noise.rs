@@ -12,11 +12,11 @@
 //! compressed away as less.
 
 use super::compression::Compression;
-use super::dct::{Block, SIDE, forward};
-use super::strip::{CHANNELS, opponent_from_rgb};
+use super::dct::{SIDE, block_of, forward};
+use super::strip::{CHANNELS, encoded, opponent_from_rgb};
 use crate::pixel::is_countable;
+use fearless_simd::{Level, Simd, dispatch};
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::color::srgb_from_linear;
 use ravec_raster::{Color, Image, LinearRgba, LinearRows};
 use rayon::prelude::*;
 
@@ -126,6 +126,7 @@ fn estimate_rows(image: &dyn LinearRows, progress: &Progress) -> Result<NoiseLev
     }
     // every row of blocks is read, but only every few columns, with a shift from row to row
     let step = (columns * rows).div_ceil(MAX_BLOCKS);
+    let simd = Level::new();
     let phase = progress.phase("noise", rows as u64);
     let probes: Vec<Vec<Probe>> = (0..rows)
         .into_par_iter()
@@ -135,7 +136,7 @@ fn estimate_rows(image: &dyn LinearRows, progress: &Progress) -> Result<NoiseLev
             let first = row * 7 % step;
             Ok((first..columns)
                 .step_by(step)
-                .filter_map(|col| probe(image, col * SIDE, row * SIDE))
+                .filter_map(|col| probe(simd, image, col * SIDE, row * SIDE))
                 .collect())
         })
         .collect::<Result<_, Cancelled>>()?;
@@ -148,24 +149,35 @@ fn estimate_rows(image: &dyn LinearRows, progress: &Progress) -> Result<NoiseLev
 }
 
 /// Measures one block, unless clipping or transparency hides its noise.
-fn probe(image: &dyn LinearRows, left: usize, top: usize) -> Option<Probe> {
-    let mut channels: [Block; CHANNELS] = [[[0.0; SIDE]; SIDE]; CHANNELS];
-    let mut clipped = 0;
-    let mut run = [LinearRgba::default(); SIDE];
-    for y in 0..SIDE {
-        image.read_linear(top + y, left, &mut run);
-        for (x, &color) in run.iter().enumerate() {
-            if color.alpha() < 1.0 || !is_countable(color) {
-                return None;
-            }
-            let encoded = color.rgb().map(srgb_from_linear);
-            clipped += usize::from(encoded.iter().any(|&v| v <= 0.0 || v >= 1.0));
-            for (channel, value) in channels.iter_mut().zip(opponent_from_rgb(encoded)) {
-                channel[y][x] = value;
-            }
-        }
+fn probe(simd: Level, image: &dyn LinearRows, left: usize, top: usize) -> Option<Probe> {
+    let mut pixels = [LinearRgba::default(); SIDE * SIDE];
+    for (y, run) in pixels.chunks_exact_mut(SIDE).enumerate() {
+        image.read_linear(top + y, left, run);
     }
-    if clipped > SIDE * SIDE / 8 {
+    let hidden = |pixel: &LinearRgba| pixel.alpha() < 1.0 || !is_countable(*pixel);
+    if pixels.iter().any(hidden) {
+        return None;
+    }
+    dispatch!(simd, simd => probe_of(simd, &pixels))
+}
+
+/// [`probe`] of the pixels of a block, row by row.
+#[inline(always)]
+fn probe_of<S: Simd>(_simd: S, pixels: &[LinearRgba; SIDE * SIDE]) -> Option<Probe> {
+    let mut channels = [[0.0f32; SIDE * SIDE]; CHANNELS];
+    let mut clipped = 0u32;
+    let [first, second, third] = &mut channels;
+    let planes = first.iter_mut().zip(second).zip(third);
+    for (((first, second), third), pixel) in planes.zip(pixels) {
+        let color = encoded(pixel.rgb());
+        let mut is_clipped = 0;
+        for value in color {
+            is_clipped |= u32::from(value <= 0.0) | u32::from(value >= 1.0);
+        }
+        clipped += is_clipped;
+        [*first, *second, *third] = opponent_from_rgb(color);
+    }
+    if clipped as usize > SIDE * SIDE / 8 {
         return None;
     }
     let mut found = Probe {
@@ -174,7 +186,7 @@ fn probe(image: &dyn LinearRows, left: usize, top: usize) -> Option<Probe> {
         high: [0.0; CHANNELS],
     };
     for (c, channel) in channels.iter().enumerate() {
-        let coefficients = forward(channel);
+        let coefficients = forward(&block_of(channel));
         if c == 0 {
             found.luma = coefficients[0][0] / SIDE as f32;
         }

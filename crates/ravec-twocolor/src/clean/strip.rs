@@ -34,6 +34,26 @@ pub(super) fn rgb_from_opponent([y, u, v]: [f32; 3]) -> [f32; 3] {
     [y + u + v, y - 2.0 * v, y - u + v]
 }
 
+/// sRGB-encoded values of linear light. Spelled out, as a function that `map` calls is not compiled for the vectors of its caller.
+#[inline(always)]
+pub(super) fn encoded([r, g, b]: [f32; 3]) -> [f32; 3] {
+    [
+        srgb_from_linear(r),
+        srgb_from_linear(g),
+        srgb_from_linear(b),
+    ]
+}
+
+/// The inverse of [`encoded`].
+#[inline(always)]
+fn decoded([r, g, b]: [f32; 3]) -> [f32; 3] {
+    [
+        linear_from_srgb(r),
+        linear_from_srgb(g),
+        linear_from_srgb(b),
+    ]
+}
+
 /// The windows that reach into a strip of rows, and how the pixels under them are read and written.
 #[derive(Debug, Clone, Copy)]
 pub struct CleanStrip {
@@ -108,7 +128,7 @@ impl CleanStrip {
                 *slot = cleaned(x + self.lead[0], y + self.lead[1]);
             }
             for slot in &mut colors {
-                *slot = rgb_from_opponent(*slot).map(linear_from_srgb);
+                *slot = decoded(rgb_from_opponent(*slot));
             }
             image.read_linear(target.row + y, target.col, &mut originals);
             for ((out, &original), color) in out.iter_mut().zip(&originals).zip(&colors) {
@@ -177,7 +197,7 @@ impl RowReader {
             cover_transparent(row);
         }
         for (slot, pixel) in self.opponents.iter_mut().zip(&*row) {
-            *slot = opponent_from_rgb(pixel.rgb().map(srgb_from_linear));
+            *slot = opponent_from_rgb(encoded(pixel.rgb()));
         }
         for (x, &col) in self.columns.iter().enumerate() {
             put(x, self.opponents[col - self.first]);
@@ -280,7 +300,11 @@ impl Strip {
             #[inline(always)]
             |x, y| {
                 let at = self.entry(x % self.stride, y, x / self.stride);
-                std::array::from_fn(|c| self.sums[c][at] / self.weights[c][at])
+                let mut means = [0.0; CHANNELS];
+                for ((mean, sums), weights) in means.iter_mut().zip(&self.sums).zip(&self.weights) {
+                    *mean = sums[at] / weights[at];
+                }
+                means
             },
         );
     }

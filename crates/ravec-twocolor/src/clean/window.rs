@@ -10,6 +10,7 @@ use super::strip::{CHANNELS, Strip};
 use crate::split_table::SplitTable;
 use crate::sweep::{Batch, MAX_LANES, OPAQUE};
 use fearless_simd::prelude::*;
+use std::ops::{Add, Mul};
 
 /// Thresholds and shrinkage factors of the Wiener filter of a window.
 #[derive(Debug, Clone, Copy)]
@@ -97,6 +98,26 @@ struct Estimate<V> {
     weight: V,
 }
 
+impl<V: Copy + Add<Output = V> + Mul<Output = V> + Mul<f32, Output = V>> Estimate<V> {
+    /// The plane at a position.
+    #[inline(always)]
+    fn at(&self, [x, z]: [f32; 2]) -> V {
+        self.base + self.slope[1] * z + self.slope[0] * x
+    }
+
+    /// The estimate above `mean`, times its weight.
+    #[inline(always)]
+    fn weighted(self, mean: V) -> Self {
+        let weight = self.weight;
+        Self {
+            base: weight * (mean + self.base),
+            slope: [weight * self.slope[0], weight * self.slope[1]],
+            keep: weight * self.keep,
+            weight,
+        }
+    }
+}
+
 #[inline(always)]
 fn clean_batch<S: Simd>(
     simd: S,
@@ -169,32 +190,24 @@ fn clean_batch<S: Simd>(
         let shrink = WindowShrinkage::RESIDUAL_SHRINK[c];
         let side_0 = estimate::<S>(simd, &positions_0, &moments_0[c], variance[c], shrink);
         let side_1 = estimate::<S>(simd, &positions_1, &moments_1, variance[c], shrink);
-        let step = Estimate {
-            base: side_0.base - side_1.base,
-            slope: [
-                side_0.slope[0] - side_1.slope[0],
-                side_0.slope[1] - side_1.slope[1],
-            ],
-            keep: side_0.keep - side_1.keep,
-            weight: side_0.weight - side_1.weight,
-        };
+        let sides = [side_0.weighted(mean[c]), side_1.weighted(mean[c])];
         for dz in 0..side {
             let z = dz as f32 - half;
             // from the right, so that a pixel's estimates add up in the order of their windows wherever batches begin
+            let mut planes = [sides[0].at([half, z]), sides[1].at([half, z])];
             for dx in (0..side).rev() {
-                let x = dx as f32 - half;
                 let at = dz * side + dx;
-                let inside = on_0[at];
-                let y = batch.pixels[at][c];
-                let base = side_1.base + inside * step.base;
-                let slope_x = side_1.slope[0] + inside * step.slope[0];
-                let slope_z = side_1.slope[1] + inside * step.slope[1];
-                let keep = side_1.keep + inside * step.keep;
-                let weight = side_1.weight + inside * step.weight;
-                let value = mean[c] + base + slope_x * x + slope_z * z + keep * y;
+                let inside = on_0[at].simd_gt(0.5);
+                let plane = inside.select(planes[0], planes[1]);
+                let keep = inside.select(sides[0].keep, sides[1].keep);
+                let weight = inside.select(sides[0].weight, sides[1].weight);
                 let from = strip.run(window, dx, dz);
-                add_to(simd, &mut strip.sums[c][from..], weight * value);
+                let value = plane + keep * batch.pixels[at][c];
+                add_to(simd, &mut strip.sums[c][from..], value);
                 add_to(simd, &mut strip.weights[c][from..], weight);
+                for (plane, side) in planes.iter_mut().zip(&sides) {
+                    *plane -= side.slope[0];
+                }
             }
         }
     }
