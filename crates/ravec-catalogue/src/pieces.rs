@@ -21,7 +21,7 @@ use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Image, Rect, Size, Srgb};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::io::{Error, ErrorKind};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -35,6 +35,13 @@ const TILES_IN_PIECE: usize = 1000;
 
 /// Attempts to read a part before the store counts as unreliable.
 const MAX_ATTEMPTS: usize = 4;
+
+/// Bytes of a part up to which it is read as a whole: photos that are chosen one after the other lie in one part, and a request
+/// to an object store takes as long as some megabytes.
+const MAX_WHOLE_BYTES: u64 = 4 << 20;
+
+/// Bytes of parts that are kept for the next photos.
+const MAX_KEPT_BYTES: u64 = 4 * MAX_WHOLE_BYTES;
 
 /// A photo and the size in which it is wanted.
 type Wanted = (PathBuf, [u32; 2]);
@@ -87,6 +94,31 @@ fn bytes_of([width, height]: [u32; 2]) -> u64 {
     3 * u64::from(width) * u64::from(height)
 }
 
+/// The bytes of a part, once a thread has read them.
+type PartBytes = Arc<Mutex<Option<Arc<Vec<u8>>>>>;
+
+/// The parts of which photos were wanted last, the latest one at the end, with their bytes.
+#[derive(Default)]
+struct LatestParts {
+    parts: VecDeque<(u64, u64, PartBytes)>,
+}
+
+impl LatestParts {
+    /// The slot of a part of this many bytes, in place of those that were wanted longest ago.
+    fn slot(&mut self, part: u64, bytes: u64) -> PartBytes {
+        let known = self.parts.iter().position(|(other, ..)| *other == part);
+        let found = known.and_then(|at| self.parts.remove(at));
+        let found = found.unwrap_or_else(|| (part, bytes, PartBytes::default()));
+        let slot = Arc::clone(&found.2);
+        self.parts.push_back(found);
+        let kept = |parts: &VecDeque<_>| parts.iter().map(|(_, bytes, _)| bytes).sum::<u64>();
+        while kept(&self.parts) > MAX_KEPT_BYTES {
+            self.parts.pop_front();
+        }
+        slot
+    }
+}
+
 /// The work of a cluster for one mosaic, and the photos that it has scaled, from one choice of photos to the next.
 pub(crate) struct ClusterTasks<'t> {
     cluster: &'t Cluster,
@@ -95,6 +127,9 @@ pub(crate) struct ClusterTasks<'t> {
     places: HashMap<Wanted, Result<Place, String>>,
     /// Pieces by the number of their part.
     pieces: Vec<Piece>,
+    /// Bytes of the parts with photos.
+    bytes_of_parts: HashMap<u64, u64>,
+    latest: Mutex<LatestParts>,
     /// Number of indices so far.
     indices: u64,
     /// Parts are recomputed one at a time.
@@ -109,6 +144,8 @@ impl<'t> ClusterTasks<'t> {
             max_pixels: limits.max_pixels,
             places: HashMap::new(),
             pieces: Vec::new(),
+            bytes_of_parts: HashMap::new(),
+            latest: Mutex::default(),
             indices: 0,
             restoring: Mutex::default(),
         }
@@ -198,6 +235,7 @@ impl<'t> ClusterTasks<'t> {
                 }
                 self.places.insert(key.clone(), place);
             }
+            self.bytes_of_parts.insert(part, at);
         }
         Ok(())
     }
@@ -258,10 +296,29 @@ impl<'t> ClusterTasks<'t> {
             None => return Ok(Err("was not scaled".to_owned())),
         };
         let range = place.at..place.at + bytes_of(sides);
-        let bytes = self.read(place.part, Some(&range), progress)?;
-        let pixels = bytes.chunks_exact(3).map(|p| Srgb([p[0], p[1], p[2]]));
-        let image = Image::from_vec(size.width(), pixels.collect());
+        let whole = self.bytes_of_parts[&place.part];
+        let pixels: Vec<Srgb<u8>> = if whole > MAX_WHOLE_BYTES {
+            let bytes = self.read(place.part, Some(&range), progress)?;
+            bytemuck::pod_collect_to_vec(&bytes)
+        } else {
+            let bytes = self.part(place.part, whole, progress)?;
+            bytemuck::pod_collect_to_vec(&bytes[range.start as usize..range.end as usize])
+        };
+        let image = Image::from_vec(size.width(), pixels);
         Ok(Ok(image.expect("the range has the bytes of the photo")))
+    }
+
+    /// A part of this many bytes, which is read once for the photos that follow one another.
+    fn part(&self, part: u64, bytes: u64, progress: &Progress) -> Result<Arc<Vec<u8>>, Unpainted> {
+        let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
+        let slot = latest.slot(part, bytes);
+        drop(latest);
+        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = &*slot {
+            return Ok(Arc::clone(known));
+        }
+        let read = Arc::new(self.read(part, Some(&(0..bytes)), progress)?);
+        Ok(Arc::clone(slot.insert(read)))
     }
 
     /// Reads a range of a part, or all of it; recomputes the part if it is lost.
@@ -449,4 +506,24 @@ fn scale(
     });
     let answer = answer.collect();
     Ok((bytes, answer))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_that_were_wanted_longest_ago_make_room() {
+        let mut latest = LatestParts::default();
+        let third = MAX_KEPT_BYTES / 3;
+        let first = latest.slot(1, third);
+        latest.slot(2, third);
+        assert!(Arc::ptr_eq(&first, &latest.slot(1, third)));
+        latest.slot(3, third);
+        latest.slot(4, third);
+        let kept: Vec<u64> = latest.parts.iter().map(|(part, ..)| *part).collect();
+        assert_eq!(kept, [1, 3, 4]);
+        let empty = latest.slot(2, third);
+        assert!(empty.lock().unwrap().is_none());
+    }
 }

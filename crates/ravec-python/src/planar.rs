@@ -81,7 +81,8 @@ pub fn warp(
     let map = Homography::from_matrix(matrix).map_err(of_request)?;
     let device = device(py)?;
     let used = device.clone();
-    let image = work::run(py, progress, move |progress| {
+    let pixels = image.size().pixels().max(size.pixels());
+    let image = work::run_sized(py, pixels, progress, move |progress| {
         let has_alpha = image.has_alpha();
         let pixels: Image<PremulLinearRgba> = image.convert();
         let opacity = if has_alpha { 0.0 } else { 1.0 };

@@ -64,7 +64,7 @@ impl Field {
         let (image, kind) = array::picture(image, linear)?;
         let device = device(py)?;
         let used = device.clone();
-        let blocks = work::run(py, progress, move |progress| {
+        let blocks = work::run_sized(py, image.size().pixels(), progress, move |progress| {
             if options.adaptive {
                 let params = AdaptiveParams {
                     min_block_px: options.size,
@@ -114,10 +114,10 @@ impl Field {
         let kind = self.kind;
         let device = device(py)?;
         let used = device.clone();
-        let image = work::run(py, progress, move |progress| {
-            let size = with_blocks!(&*blocks, field => {
-                scaled(ravec::twocolor::BlockField::image_size(field), scale)?
-            });
+        let size = with_blocks!(&*blocks, field => {
+            scaled(ravec::twocolor::BlockField::image_size(field), scale)?
+        });
+        let image = work::run_sized(py, size.pixels(), progress, move |progress| {
             let image = match &*blocks {
                 Blocks::Regular(field) => used.render(field, size, mosaic, progress),
                 Blocks::Adaptive(field) if mosaic => render_mosaic(field, size, progress),

@@ -72,6 +72,42 @@ pub fn run<T: Send + 'static>(
     run_in(&*pool()?, py, listener, work)
 }
 
+/// Number of pixels up to which work stays on the calling thread: less than the two changes of threads of [`run`] take, or a few
+/// milliseconds for the largest blocks.
+const MAX_PIXELS_OF_CALLER: usize = 64 * 64;
+
+thread_local! {
+    /// A pool whose only thread is this one. It starts no thread, and so survives a fork.
+    static CALLER: Option<ThreadPool> = ThreadPoolBuilder::new()
+        .num_threads(1)
+        .use_current_thread()
+        .build()
+        .ok();
+}
+
+/// Runs `work` on about as many `pixels` as [`run`] does, and on the calling thread if they are few and nobody listens.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_sized<T: Send + 'static>(
+    py: Python<'_>,
+    pixels: usize,
+    listener: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Progress) -> PyResult<T> + Send + 'static,
+) -> PyResult<T> {
+    if pixels > MAX_PIXELS_OF_CALLER || listener.is_some() || !CALLER.with(Option::is_some) {
+        return run(py, listener, work);
+    }
+    let done = py.detach(|| {
+        let guarded = || catch_unwind(AssertUnwindSafe(|| work(&Progress::none())));
+        CALLER.with(|pool| match pool {
+            Some(pool) => pool.install(guarded),
+            None => guarded(),
+        })
+    });
+    done.unwrap_or_else(|panic| Err(bug(&*panic)))
+}
+
 /// Runs `work` as [`run`] does, in a pool of its own: work that waits for other work of this process.
 ///
 /// # Errors
