@@ -8,7 +8,8 @@
 //! the plain distance is not what the eye sees from a distance (see [`Weights`]).
 
 use crate::basis::{Axis, products};
-use fearless_simd::{Level, dispatch};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x8};
 use ravec_raster::color::{LINEAR_FROM_SRGB8, oklab_from_linear};
 use ravec_raster::{Image, Oklab, Pixel, Srgb};
 
@@ -151,27 +152,24 @@ fn oklab_from_planes<S>(_simd: S, planes: &mut [Vec<f32>; 3]) {
 
 /// Adds a row of pixels, times the functions across and down, to the sums: for each channel and function down those across.
 #[inline(always)]
-fn add_row<S>(
-    _simd: S,
+fn add_row<S: Simd>(
+    simd: S,
     planes: &[Vec<f32>; 3],
     across: &[[f32; FUNCTIONS]],
     down: &[f32; FUNCTIONS],
     sums: &mut [[[f32; FUNCTIONS]; FUNCTIONS]; 3],
 ) {
     let [lightness, a, b] = planes;
-    let mut lines = [[0.0f32; FUNCTIONS]; 3];
+    let mut lines = [f32x8::splat(simd, 0.0); 3];
     for (((weights, &l), &a), &b) in across.iter().zip(lightness).zip(a).zip(b) {
-        for (line, value) in lines.iter_mut().zip([l, a, b]) {
-            for (sum, weight) in line.iter_mut().zip(weights) {
-                *sum += weight * value;
-            }
-        }
+        let weights = f32x8::from_slice(simd, weights);
+        lines[0] += weights * l;
+        lines[1] += weights * a;
+        lines[2] += weights * b;
     }
-    for (sums, line) in sums.iter_mut().zip(&lines) {
-        for (sums, weight) in sums.iter_mut().zip(down) {
-            for (sum, value) in sums.iter_mut().zip(line) {
-                *sum += weight * value;
-            }
+    for (sums, line) in sums.iter_mut().zip(lines) {
+        for (sums, &weight) in sums.iter_mut().zip(down) {
+            (f32x8::from_slice(simd, sums) + line * weight).store_slice(sums);
         }
     }
 }

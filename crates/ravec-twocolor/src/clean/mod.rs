@@ -19,7 +19,7 @@
 //! Guarantees: the same bits for any region, number of threads and instruction set; alpha is untouched, and so are the
 //! colors of fully transparent pixels. Does not guarantee: that texture below the noise survives.
 //!
-//! Cost: O(pixels / stride²) exact fits. Memory: the result, and a few rows of the region a thread.
+//! Cost: O(pixels / stride²) exact fits. Memory: the result, and for each thread 10 MB, or 62 rows of the region if they take more.
 
 mod compression;
 mod dct;
@@ -35,9 +35,9 @@ use crate::filter_error::FilterError;
 use crate::split_table::split_table;
 use fearless_simd::{Level, dispatch};
 use ravec_progress::{Cancelled, Progress};
-use ravec_raster::{Color, Image, LinearRgba, LinearRows, Rect};
+use ravec_raster::{Color, Image, LinearRgba, LinearRows, Rect, Size};
 use rayon::prelude::*;
-use strip::Strip;
+use strip::{Strip, StripMemory};
 
 /// Parameters of cleaning.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -159,29 +159,42 @@ fn clean_region(
     let level = Level::new();
     let mut result = Image::new(size, LinearRgba::default());
     let phase = progress.phase("clean", size.height() as u64);
+    let strip_rows = strip_rows(size);
     result
-        .par_strips_mut(STRIP_ROWS)
+        .par_strips_mut(strip_rows)
         .enumerate()
-        .try_for_each(|(strip, out)| {
+        .try_for_each_init(StripMemory::default, |memory, (strip, out)| {
             progress.check()?;
             let rows = out.len() / region.width;
             let target = Rect::new(
                 region.col,
-                region.row + strip * STRIP_ROWS,
+                region.row + strip * strip_rows,
                 region.width,
                 rows,
             );
-            dispatch!(level, simd => {
-                let mut strip = Strip::read(simd, image, CleanStrip::new(target, side, stride));
-                window::clean_windows(simd, &mut strip, table, noise);
+            *memory = dispatch!(level, simd => {
+                let grid = CleanStrip::new(target, side, stride);
+                let mut strip = Strip::read(simd, image, grid, std::mem::take(memory));
+                window::clean_windows(simd, &mut strip, table, noise, progress)?;
                 strip.write(image, out);
-            });
+                Ok(strip.into_memory())
+            })?;
             phase.advance(rows as u64);
             Ok::<(), Cancelled>(())
         })?;
     Ok(result)
 }
 
-/// Rows cleaned by one task. Windows that reach over its border are fitted by both neighbors, so fewer rows cost more
-/// (an eighth at 48 rows and windows of 8), and more make a strip outgrow the cache and a cancellation wait.
-const STRIP_ROWS: usize = 48;
+/// Rows cleaned by one task, at least and at most. Windows that reach over its border are fitted by both neighbors, so fewer rows cost
+/// more: an eighth at 48 rows and windows of 8.
+const STRIP_ROWS: std::ops::RangeInclusive<usize> = 48..=192;
+
+/// Pixels of a strip: 36 bytes each.
+const STRIP_PIXELS: usize = 1 << 18;
+
+/// The rows of a task for a region of this size: two tasks a thread, if they are high enough. The result does not depend on it.
+fn strip_rows(size: Size) -> usize {
+    let shared = size.height().div_ceil(2 * rayon::current_num_threads());
+    let rows = shared.min(STRIP_PIXELS / size.width());
+    rows.clamp(*STRIP_ROWS.start(), *STRIP_ROWS.end())
+}

@@ -205,6 +205,14 @@ impl RowReader {
     }
 }
 
+/// The planes of a strip, which the next one takes over.
+#[derive(Default)]
+pub(super) struct StripMemory {
+    colors: [Vec<f32>; CHANNELS],
+    sums: [Vec<f32>; CHANNELS],
+    weights: [Vec<f32>; CHANNELS],
+}
+
 /// A strip of target rows with all windows that reach into it, in lanes.
 pub(super) struct Strip {
     grid: CleanStrip,
@@ -240,8 +248,14 @@ fn lead(begin: usize, side: usize, stride: usize) -> usize {
 }
 
 impl Strip {
+    /// Reads the pixels under a strip into the memory of another one.
     #[inline(always)]
-    pub fn read<S: Simd>(_simd: S, image: &dyn LinearRows, grid: CleanStrip) -> Self {
+    pub fn read<S: Simd>(
+        _simd: S,
+        image: &dyn LinearRows,
+        grid: CleanStrip,
+        memory: StripMemory,
+    ) -> Self {
         let CleanStrip {
             side,
             stride,
@@ -257,10 +271,15 @@ impl Strip {
             stride,
             phase_len,
             windows,
-            colors: std::array::from_fn(|_| vec![0.0; len]),
-            sums: std::array::from_fn(|_| vec![0.0; len]),
-            weights: std::array::from_fn(|_| vec![0.0; len]),
+            colors: memory.colors,
+            sums: memory.sums,
+            weights: memory.weights,
         };
+        let planes = strip.colors.iter_mut().chain(&mut strip.sums);
+        for plane in planes.chain(&mut strip.weights) {
+            plane.clear();
+            plane.resize(len, 0.0);
+        }
         let mut reader = RowReader::new(&grid, image);
         for y in 0..rows {
             reader.read(
@@ -277,6 +296,15 @@ impl Strip {
             );
         }
         strip
+    }
+
+    /// The memory for another strip.
+    pub fn into_memory(self) -> StripMemory {
+        StripMemory {
+            colors: self.colors,
+            sums: self.sums,
+            weights: self.weights,
+        }
     }
 
     /// The index of entry `i` of phase `phase` of padded row `y`.

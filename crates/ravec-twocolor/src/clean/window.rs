@@ -10,6 +10,7 @@ use super::strip::{CHANNELS, Strip};
 use crate::split_table::SplitTable;
 use crate::sweep::{Batch, MAX_LANES, OPAQUE};
 use fearless_simd::prelude::*;
+use ravec_progress::{Cancelled, Progress};
 use std::ops::{Add, Mul};
 
 /// Thresholds and shrinkage factors of the Wiener filter of a window.
@@ -40,22 +41,28 @@ impl WindowShrinkage {
 }
 
 /// Adds the estimates of all windows of the strip to its sums.
+///
+/// # Errors
+/// [`Cancelled`] after at most one row of windows.
 #[inline(always)]
 pub(super) fn clean_windows<S: Simd>(
     simd: S,
     strip: &mut Strip,
     table: &SplitTable,
     noise: &NoiseLevel,
-) {
+    progress: &Progress,
+) -> Result<(), Cancelled> {
     let lanes = Batch::<S, OPAQUE>::LANES;
     let count = strip.side * strip.side;
     let mut batch = Batch::<S, OPAQUE>::new(simd, count);
     let mut on_0 = vec![S::f32s::splat(simd, 0.0); count];
     for j in 0..strip.windows[1] {
+        progress.check()?;
         for i in (0..strip.windows[0]).step_by(lanes) {
             clean_batch(simd, strip, [i, j], table, noise, &mut batch, &mut on_0);
         }
     }
+    Ok(())
 }
 
 /// The sums of one channel over a side.
