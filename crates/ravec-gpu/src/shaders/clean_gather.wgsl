@@ -27,15 +27,12 @@ fn gather(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups)
             let side = select(ESTIMATE_WORDS, 0u, rounded(model(LINE) * place.x) < limit);
             for (var c = 0u; c < 3u; c++) {
                 let from_mean = color[c] - model(STEPS + c) - model(STEPS + 3u + c);
-                let mean = model(STEPS + c) + model(STEPS + 3u + c);
                 let word = ESTIMATES + 2u * ESTIMATE_WORDS * c + side;
-                let value = mean + model(word)
-                    + rounded(model(word + 1u) * place.x)
+                sums[c] += model(word)
                     + rounded(model(word + 2u) * place.y)
+                    + rounded(model(word + 1u) * place.x)
                     + rounded(model(word + 3u) * from_mean);
-                let weight = model(word + 4u);
-                sums[c] += rounded(weight * value);
-                weights[c] += weight;
+                weights[c] += model(word + 4u);
             }
         }
     }

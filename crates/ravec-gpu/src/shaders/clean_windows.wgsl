@@ -137,13 +137,14 @@ fn put_estimate(at: u32, found: Estimate) {
     put(at + 4u, found.weight);
 }
 
-// Side 0 as the CPU computes it: side 1 and the step between them, which a compiler must not take for side 0.
-fn stepped(side_1: Estimate, side_0: Estimate) -> Estimate {
+// The estimate above a mean, times its weight.
+fn weighted(found: Estimate, mean: f32) -> Estimate {
+    let weight = found.weight;
     return Estimate(
-        side_1.base + rounded(side_0.base - side_1.base),
-        side_1.slope + vec2(rounded(side_0.slope.x - side_1.slope.x), rounded(side_0.slope.y - side_1.slope.y)),
-        side_1.keep + rounded(side_0.keep - side_1.keep),
-        side_1.weight + rounded(side_0.weight - side_1.weight),
+        rounded(weight * (mean + found.base)),
+        vec2(rounded(weight * found.slope.x), rounded(weight * found.slope.y)),
+        rounded(weight * found.keep),
+        weight,
     );
 }
 
@@ -233,7 +234,7 @@ fn model_windows(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_work
         let side_0 = estimate(positions, parts[c], variance[c], shrink);
         let side_1 = estimate(rest, moments_without(wholes[c], parts[c]), variance[c], shrink);
         let at = ESTIMATES + 2u * ESTIMATE_WORDS * c;
-        put_estimate(at, stepped(side_1, side_0));
-        put_estimate(at + ESTIMATE_WORDS, side_1);
+        put_estimate(at, weighted(side_0, found.mean[c]));
+        put_estimate(at + ESTIMATE_WORDS, weighted(side_1, found.mean[c]));
     }
 }

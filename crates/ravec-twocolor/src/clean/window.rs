@@ -105,13 +105,7 @@ struct Estimate<V> {
     weight: V,
 }
 
-impl<V: Copy + Add<Output = V> + Mul<Output = V> + Mul<f32, Output = V>> Estimate<V> {
-    /// The plane at a position.
-    #[inline(always)]
-    fn at(&self, [x, z]: [f32; 2]) -> V {
-        self.base + self.slope[1] * z + self.slope[0] * x
-    }
-
+impl<V: Copy + Add<Output = V> + Mul<Output = V>> Estimate<V> {
     /// The estimate above `mean`, times its weight.
     #[inline(always)]
     fn weighted(self, mean: V) -> Self {
@@ -201,20 +195,23 @@ fn clean_batch<S: Simd>(
         for dz in 0..side {
             let z = dz as f32 - half;
             // from the right, so that a pixel's estimates add up in the order of their windows wherever batches begin
-            let mut planes = [sides[0].at([half, z]), sides[1].at([half, z])];
+            let rows = [
+                sides[0].base + sides[0].slope[1] * z,
+                sides[1].base + sides[1].slope[1] * z,
+            ];
             for dx in (0..side).rev() {
+                let x = dx as f32 - half;
                 let at = dz * side + dx;
                 let inside = on_0[at].simd_gt(0.5);
-                let plane = inside.select(planes[0], planes[1]);
+                let plane_0 = rows[0] + sides[0].slope[0] * x;
+                let plane_1 = rows[1] + sides[1].slope[0] * x;
+                let plane = inside.select(plane_0, plane_1);
                 let keep = inside.select(sides[0].keep, sides[1].keep);
                 let weight = inside.select(sides[0].weight, sides[1].weight);
                 let from = strip.run(window, dx, dz);
                 let value = plane + keep * batch.pixels[at][c];
                 add_to(simd, &mut strip.sums[c][from..], value);
                 add_to(simd, &mut strip.weights[c][from..], weight);
-                for (plane, side) in planes.iter_mut().zip(&sides) {
-                    *plane -= side.slope[0];
-                }
             }
         }
     }
