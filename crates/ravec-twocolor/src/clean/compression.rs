@@ -245,18 +245,16 @@ fn quantization_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
                 .map(move |x| [x, y])
         })
         .collect();
-    let blocks: Vec<Block> = corners
+    let simd = Level::new();
+    let probed: Vec<[f32; PROBED.len()]> = corners
         .par_iter()
-        .map(|&[x, y]| {
-            forward(&std::array::from_fn(|dy| {
-                std::array::from_fn(|dx| luma[(x + dx, y + dy)])
-            }))
-        })
+        .map(|&corner| dispatch!(simd, simd => probed_of(simd, luma, corner)))
         .collect();
     let mut scales: Vec<f32> = PROBED
         .iter()
-        .filter_map(|&[v, u]| {
-            let values: Vec<f32> = blocks.iter().map(|block| block[v][u].abs()).collect();
+        .enumerate()
+        .filter_map(|(index, &[v, u])| {
+            let values: Vec<f32> = probed.iter().map(|values| values[index]).collect();
             quantization_step(&values).map(|step| step / STANDARD_STEPS[v][u])
         })
         .collect();
@@ -266,6 +264,21 @@ fn quantization_steps(luma: &Plane, [left, top]: [usize; 2]) -> Option<Block> {
     scales.sort_by(f32::total_cmp);
     let scale = scales[scales.len() / 2];
     Some(STANDARD_STEPS.map(|row| row.map(|step| (step * scale).max(1.0))))
+}
+
+/// The amounts of the probed coefficients of the block at a corner.
+#[inline(always)]
+fn probed_of<S: Simd>(_simd: S, luma: &Plane, [left, top]: [usize; 2]) -> [f32; PROBED.len()] {
+    let mut block = [[0.0; SIDE]; SIDE];
+    for (dy, row) in block.iter_mut().enumerate() {
+        row.copy_from_slice(&luma.row(top + dy)[left..][..SIDE]);
+    }
+    let coefficients = forward(&block);
+    let mut probed = [0.0; PROBED.len()];
+    for (value, [v, u]) in probed.iter_mut().zip(PROBED) {
+        *value = coefficients[v][u].abs();
+    }
+    probed
 }
 
 /// The largest step of whose multiples nearly all values, none below 0, lie close to.
@@ -279,13 +292,17 @@ fn quantization_step(values: &[f32]) -> Option<f32> {
     })
 }
 
+/// Added to a number below 2²² and subtracted again, it leaves the nearest whole number.
+const TO_WHOLE: f32 = 12_582_912.0;
+
 /// Number of values above half a step, and of those of them that lie close to a multiple of the step.
 #[inline(always)]
 fn close_to_multiples<S: Simd>(_simd: S, values: &[f32], step: f32) -> (u32, u32) {
     let (mut large, mut close) = (0, 0);
+    let inverse = 1.0 / step;
     for &value in values {
-        // the nearest whole number, without a call as that of `round`
-        let multiple = step * (value / step + 0.5) as i32 as f32;
+        // the nearest multiple, or a farther one where both are more than CLOSE away
+        let multiple = step * ((value * inverse + TO_WHOLE) - TO_WHOLE);
         let is_large = u32::from(value > 0.5 * step);
         large += is_large;
         close += is_large & u32::from((value - multiple).abs() <= CLOSE);

@@ -28,23 +28,29 @@ pub(super) fn block_of(values: &[f32; SIDE * SIDE]) -> Block {
     std::array::from_fn(|row| rows[row])
 }
 
-/// `a · b`.
+/// `a · b`, in loops, as closures are not compiled for the vectors of the caller.
 #[inline(always)]
 fn product(a: &Block, b: &Block) -> Block {
-    std::array::from_fn(|row| {
-        let mut sum = [0.0; SIDE];
-        for (&factor, b_row) in a[row].iter().zip(b) {
-            for (s, &v) in sum.iter_mut().zip(b_row) {
-                *s += factor * v;
+    let mut product = [[0.0; SIDE]; SIDE];
+    for (row, factors) in product.iter_mut().zip(a) {
+        for (&factor, b_row) in factors.iter().zip(b) {
+            for (sum, &value) in row.iter_mut().zip(b_row) {
+                *sum += factor * value;
             }
         }
-        sum
-    })
+    }
+    product
 }
 
 #[inline(always)]
 fn transposed(a: &Block) -> Block {
-    std::array::from_fn(|row| std::array::from_fn(|col| a[col][row]))
+    let mut transposed = [[0.0; SIDE]; SIDE];
+    for (row, values) in a.iter().enumerate() {
+        for (col, &value) in values.iter().enumerate() {
+            transposed[col][row] = value;
+        }
+    }
+    transposed
 }
 
 /// The orthonormal cosine coefficients of a block, `[vertical][horizontal]` frequency.
