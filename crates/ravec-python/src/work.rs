@@ -76,13 +76,23 @@ pub fn run<T: Send + 'static>(
 /// milliseconds for the largest blocks.
 const MAX_PIXELS_OF_CALLER: usize = 64 * 64;
 
+/// Number of calling threads that work themselves. A thread that ends leaves 8 kB behind: the pool keeps what it knows of its threads.
+const MAX_CALLERS: usize = 64;
+
+/// Number of threads that have called.
+static CALLERS: AtomicUsize = AtomicUsize::new(0);
+
 thread_local! {
-    /// A pool whose only thread is this one. It starts no thread, and so survives a fork.
-    static CALLER: Option<ThreadPool> = ThreadPoolBuilder::new()
-        .num_threads(1)
-        .use_current_thread()
-        .build()
-        .ok();
+    /// A pool whose only thread is this one, for the first callers. It starts no thread, and so survives a fork.
+    static CALLER: Option<ThreadPool> = pool_of_caller();
+}
+
+fn pool_of_caller() -> Option<ThreadPool> {
+    if CALLERS.fetch_add(1, Ordering::Relaxed) >= MAX_CALLERS {
+        return None;
+    }
+    let pool = ThreadPoolBuilder::new().num_threads(1);
+    pool.use_current_thread().build().ok()
 }
 
 /// Runs `work` on about as many `pixels` as [`run`] does, and on the calling thread if they are few and nobody listens.
