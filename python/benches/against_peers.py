@@ -7,6 +7,7 @@ Prints medians of CPU and elapsed seconds. Programs that are not installed are l
 
 from __future__ import annotations
 
+import functools
 import os
 import statistics
 import sys
@@ -132,18 +133,26 @@ def offset(path: Path) -> None:
         ]
         return float(np.abs(np.array(apart) - distance).max())
 
-    own = measured(lambda: ravec.offset((vertices, faces), distance, tolerance=tolerance, side="outer"), 3)
+    def ours(limit: float | None) -> Any:
+        return ravec.offset(
+            (vertices, faces), distance, tolerance=tolerance, side="outer", max_normal_deviation=limit
+        )
+
+    # degrees: the default, and a limit at which normals are still nearer than those of MeshLib
+    own = {limit: measured(functools.partial(ours, limit), 3) for limit in (None, 6.0)}
     for name, mode in (("sharpening", meshlib.OffsetMode.Sharpening), ("marching cubes", meshlib.OffsetMode.Standard)):
         for factor in (11.3, 8.0, 5.66, 4.0, 2.83, 2.0, 1.41, 1.0, 0.71, 0.5, 0.35, 0.25):
             reached = error(theirs(factor * tolerance, mode))
             if reached <= tolerance:
                 break
         peer = measured(lambda: theirs(factor * tolerance, mode), 3)
-        print(
-            f"offset, {name}, voxel {factor:g} times the tolerance, error {reached / tolerance:.2f} of it: "
-            f"{own[0] / peer[0]:.2f} times the CPU and {own[1] / peer[1]:.2f} times the time of MeshLib, "
-            f"1/{len(peer[2][1]) / len(own[2].faces):.0f} of the triangles"
-        )
+        print(f"offset, {name}, voxel {factor:g} times the tolerance, error {reached / tolerance:.2f} of it:")
+        for limit, (cpu, elapsed, found) in own.items():
+            print(
+                f"  normals {'by default' if limit is None else f'within {limit:g} degrees'}: "
+                f"{cpu / peer[0]:.2f} times the CPU and {elapsed / peer[1]:.2f} times the time of MeshLib, "
+                f"1/{len(peer[2][1]) / len(found.faces):.0f} of the triangles"
+            )
 
 
 def retarget(photo: Path) -> None:
