@@ -14,6 +14,8 @@ use rayon::prelude::*;
 const CELLS: usize = 25;
 /// Pixels beside a plane that a stencil reads.
 const BORDER: usize = 2;
+/// Pixels of a window: 3×3.
+const WINDOW_PIXELS: f64 = 9.0;
 /// Variance that is added to the colors of a window: noise and rounding.
 const WINDOW_VARIANCE: f64 = 3e-7;
 /// Residual, relative to that of the start, at which the solution stands.
@@ -201,28 +203,35 @@ impl Windows {
             let mut mean = [0.0f32; 3];
             for row in 0..3 {
                 for col in at..at + 3 {
-                    mean[0] += xs[row][col] / 9.0;
-                    mean[1] += ys[row][col] / 9.0;
-                    mean[2] += zs[row][col] / 9.0;
+                    mean[0] += xs[row][col];
+                    mean[1] += ys[row][col];
+                    mean[2] += zs[row][col];
                 }
+            }
+            for mean in &mut mean {
+                *mean *= 1.0 / WINDOW_PIXELS as f32;
             }
             [mx[at], my[at], mz[at]] = mean;
             // covariances of windows on an edge have two tiny eigenvalues: single precision would lose them
-            let [mut xx, mut yy, mut zz] = [WINDOW_VARIANCE; 3];
+            let [mut xx, mut yy, mut zz] = [0.0f64; 3];
             let [mut xy, mut xz, mut yz] = [0.0f64; 3];
             for row in 0..3 {
                 for col in at..at + 3 {
                     let x = f64::from(xs[row][col] - mean[0]);
                     let y = f64::from(ys[row][col] - mean[1]);
                     let z = f64::from(zs[row][col] - mean[2]);
-                    xx += x * x / 9.0;
-                    yy += y * y / 9.0;
-                    zz += z * z / 9.0;
-                    xy += x * y / 9.0;
-                    xz += x * z / 9.0;
-                    yz += y * z / 9.0;
+                    xx += x * x;
+                    yy += y * y;
+                    zz += z * z;
+                    xy += x * y;
+                    xz += x * z;
+                    yz += y * z;
                 }
             }
+            let share = 1.0 / WINDOW_PIXELS;
+            (xx, xy, xz) = (xx * share + WINDOW_VARIANCE, xy * share, xz * share);
+            (yy, yz) = (yy * share + WINDOW_VARIANCE, yz * share);
+            zz = zz * share + WINDOW_VARIANCE;
             let (cofactors, determinant) = adjugate([xx, yy, zz, xy, xz, yz]);
             let scale = 1.0 / determinant;
             ixx[at] = (cofactors[0] * scale) as f32;
@@ -475,7 +484,7 @@ impl Assembly {
                     own[2][at] - mean[2][at],
                 ];
                 let [x, y, z] = product(&inverse, difference);
-                let scale = is_inside[at] / 9.0;
+                let scale = is_inside[at] * (1.0 / WINDOW_PIXELS as f32);
                 [fx[at], fy[at], fz[at]] = [x * scale, y * scale, z * scale];
             }
             for row in 0..3 {
