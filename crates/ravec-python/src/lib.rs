@@ -19,7 +19,7 @@
 //!
 //! - Inputs are copied once, while the interpreter is locked, so that other threads may write to them during the work. Results are
 //!   handed over without a copy.
-//! - Work runs in a pool of its own, which a process that was forked makes anew.
+//! - Work runs in a pool of its own, which a process that was forked makes anew; work on few pixels may run on the calling thread.
 //! - An interruption ends the work at its next check for cancellation.
 
 #![expect(
