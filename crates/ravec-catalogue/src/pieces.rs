@@ -36,11 +36,11 @@ const TILES_IN_PIECE: usize = 1000;
 /// Attempts to read a part before the store counts as unreliable.
 const MAX_ATTEMPTS: usize = 4;
 
-/// Bytes of a part up to which it is read as a whole: photos that are chosen one after the other lie in one part, and a request
-/// to an object store takes as long as some megabytes.
+/// Maximum size of a part that is read as a whole: neighboring tiles have their photos in one part, and the latency of a request
+/// to an object store is that of some megabytes.
 const MAX_WHOLE_BYTES: u64 = 4 << 20;
 
-/// Bytes of parts that are kept for the next photos.
+/// Capacity of the cache of parts, in bytes.
 const MAX_KEPT_BYTES: u64 = 4 * MAX_WHOLE_BYTES;
 
 /// A photo and the size in which it is wanted.
@@ -97,25 +97,26 @@ fn bytes_of([width, height]: [u32; 2]) -> u64 {
 /// The bytes of a part, once a thread has read them.
 type PartBytes = Arc<Mutex<Option<Arc<Vec<u8>>>>>;
 
-/// The parts of which photos were wanted last, the latest one at the end, with their bytes.
+/// A cache of parts that evicts the least recently used ones.
 #[derive(Default)]
-struct LatestParts {
+struct PartCache {
+    /// Number, size and bytes of each part, the most recently used one last.
     parts: VecDeque<(u64, u64, PartBytes)>,
 }
 
-impl LatestParts {
-    /// The slot of a part of this many bytes, in place of those that were wanted longest ago.
-    fn slot(&mut self, part: u64, bytes: u64) -> PartBytes {
+impl PartCache {
+    /// The entry of a part of this many bytes.
+    fn entry(&mut self, part: u64, bytes: u64) -> PartBytes {
         let known = self.parts.iter().position(|(other, ..)| *other == part);
         let found = known.and_then(|at| self.parts.remove(at));
         let found = found.unwrap_or_else(|| (part, bytes, PartBytes::default()));
-        let slot = Arc::clone(&found.2);
+        let entry = Arc::clone(&found.2);
         self.parts.push_back(found);
         let kept = |parts: &VecDeque<_>| parts.iter().map(|(_, bytes, _)| bytes).sum::<u64>();
         while kept(&self.parts) > MAX_KEPT_BYTES {
             self.parts.pop_front();
         }
-        slot
+        entry
     }
 }
 
@@ -129,7 +130,7 @@ pub(crate) struct ClusterTasks<'t> {
     pieces: Vec<Piece>,
     /// Bytes of the parts with photos.
     bytes_of_parts: HashMap<u64, u64>,
-    latest: Mutex<LatestParts>,
+    cache: Mutex<PartCache>,
     /// Number of indices so far.
     indices: u64,
     /// Parts are recomputed one at a time.
@@ -145,7 +146,7 @@ impl<'t> ClusterTasks<'t> {
             places: HashMap::new(),
             pieces: Vec::new(),
             bytes_of_parts: HashMap::new(),
-            latest: Mutex::default(),
+            cache: Mutex::default(),
             indices: 0,
             restoring: Mutex::default(),
         }
@@ -308,17 +309,18 @@ impl<'t> ClusterTasks<'t> {
         Ok(Ok(image.expect("the range has the bytes of the photo")))
     }
 
-    /// A part of this many bytes, which is read once for the photos that follow one another.
+    /// The bytes of a part of this size, from the cache or the store.
     fn part(&self, part: u64, bytes: u64, progress: &Progress) -> Result<Arc<Vec<u8>>, Unpainted> {
-        let mut latest = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
-        let slot = latest.slot(part, bytes);
-        drop(latest);
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = &*slot {
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        let entry = cache.entry(part, bytes);
+        drop(cache);
+        // other threads that need the part wait for the one that reads it
+        let mut entry = entry.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = &*entry {
             return Ok(Arc::clone(known));
         }
         let read = Arc::new(self.read(part, Some(&(0..bytes)), progress)?);
-        Ok(Arc::clone(slot.insert(read)))
+        Ok(Arc::clone(entry.insert(read)))
     }
 
     /// Reads a range of a part, or all of it; recomputes the part if it is lost.
@@ -513,17 +515,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_that_were_wanted_longest_ago_make_room() {
-        let mut latest = LatestParts::default();
+    fn the_least_recently_used_parts_are_evicted() {
+        let mut cache = PartCache::default();
         let third = MAX_KEPT_BYTES / 3;
-        let first = latest.slot(1, third);
-        latest.slot(2, third);
-        assert!(Arc::ptr_eq(&first, &latest.slot(1, third)));
-        latest.slot(3, third);
-        latest.slot(4, third);
-        let kept: Vec<u64> = latest.parts.iter().map(|(part, ..)| *part).collect();
+        let first = cache.entry(1, third);
+        cache.entry(2, third);
+        assert!(Arc::ptr_eq(&first, &cache.entry(1, third)));
+        cache.entry(3, third);
+        cache.entry(4, third);
+        let kept: Vec<u64> = cache.parts.iter().map(|(part, ..)| *part).collect();
         assert_eq!(kept, [1, 3, 4]);
-        let empty = latest.slot(2, third);
+        let empty = cache.entry(2, third);
         assert!(empty.lock().unwrap().is_none());
     }
 }

@@ -229,10 +229,14 @@ impl Windows {
                 }
             }
             let share = 1.0 / WINDOW_PIXELS;
-            (xx, xy, xz) = (xx * share + WINDOW_VARIANCE, xy * share, xz * share);
-            (yy, yz) = (yy * share + WINDOW_VARIANCE, yz * share);
-            zz = zz * share + WINDOW_VARIANCE;
-            let (cofactors, determinant) = adjugate([xx, yy, zz, xy, xz, yz]);
+            let (cofactors, determinant) = adjugate([
+                xx * share + WINDOW_VARIANCE,
+                yy * share + WINDOW_VARIANCE,
+                zz * share + WINDOW_VARIANCE,
+                xy * share,
+                xz * share,
+                yz * share,
+            ]);
             let scale = 1.0 / determinant;
             ixx[at] = (cofactors[0] * scale) as f32;
             iyy[at] = (cofactors[1] * scale) as f32;

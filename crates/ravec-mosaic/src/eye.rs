@@ -69,9 +69,9 @@ struct Quarter {
     energies: [f32; MODES],
 }
 
-/// The colors of four quarters in the orthonormal basis of Walsh and Hadamard: for each channel half the sum of the quarters, half
-/// of right less left, half of lower less upper, and half of one diagonal less the other, with signs turned. Energies have no
-/// products of different modes, as the kernel between two quarters depends only on whether they differ across and down.
+/// Walsh–Hadamard coefficients of the colors of four quarters, orthonormal: for each channel half the sum of the quarters, half of left
+/// minus right, half of upper minus lower, and half of one diagonal minus the other. The energy is diagonal in this basis, as the
+/// kernel between two quarters depends only on whether they differ across and down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Modes([f32; MODES]);
 
@@ -81,7 +81,7 @@ const MODES: usize = 12;
 impl Modes {
     pub fn of(quarters: &[[f32; 3]; 4]) -> Self {
         let mut modes = [0.0; MODES];
-        for (modes, values) in modes.chunks_exact_mut(3).zip(transformed(quarters)) {
+        for (modes, values) in modes.chunks_exact_mut(3).zip(walsh_hadamard(quarters)) {
             modes.copy_from_slice(&values);
         }
         Self(modes)
@@ -90,12 +90,12 @@ impl Modes {
     /// The quarters, to rounding.
     fn quarters(&self) -> [[f32; 3]; 4] {
         let mode = |m: usize| [0, 1, 2].map(|c| self.0[3 * m + c]);
-        transformed(&[mode(0), mode(1), mode(2), mode(3)])
+        walsh_hadamard(&[mode(0), mode(1), mode(2), mode(3)])
     }
 }
 
-/// The transform of Walsh and Hadamard over four quarters, which is its own inverse.
-fn transformed([a, b, c, d]: &[[f32; 3]; 4]) -> [[f32; 3]; 4] {
+/// The orthonormal Walsh–Hadamard transform of four quarters, which is its own inverse.
+fn walsh_hadamard([a, b, c, d]: &[[f32; 3]; 4]) -> [[f32; 3]; 4] {
     let of = |signs: [f32; 4]| {
         [0, 1, 2].map(|channel| {
             let [s, t, u, v] = signs;

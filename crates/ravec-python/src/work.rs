@@ -72,11 +72,11 @@ pub fn run<T: Send + 'static>(
     run_in(&*pool()?, py, listener, work)
 }
 
-/// Number of pixels up to which work stays on the calling thread: less than the two changes of threads of [`run`] take, or a few
-/// milliseconds for the largest blocks.
+/// Maximum number of pixels of work that runs on the calling thread, as passing it to the pool and back takes longer. It cannot be
+/// interrupted.
 const MAX_PIXELS_OF_CALLER: usize = 64 * 64;
 
-/// Number of calling threads that work themselves. A thread that ends leaves 8 kB behind: the pool keeps what it knows of its threads.
+/// Maximum number of calling threads with a pool of their own, whose 8 kB are not freed when the thread ends.
 const MAX_CALLERS: usize = 64;
 
 /// Number of threads that have called.
@@ -84,18 +84,18 @@ static CALLERS: AtomicUsize = AtomicUsize::new(0);
 
 thread_local! {
     /// A pool whose only thread is this one, for the first callers. It starts no thread, and so survives a fork.
-    static CALLER: Option<ThreadPool> = pool_of_caller();
+    static CALLER: Option<Arc<ThreadPool>> = pool_of_caller();
 }
 
-fn pool_of_caller() -> Option<ThreadPool> {
+fn pool_of_caller() -> Option<Arc<ThreadPool>> {
     if CALLERS.fetch_add(1, Ordering::Relaxed) >= MAX_CALLERS {
         return None;
     }
     let pool = ThreadPoolBuilder::new().num_threads(1);
-    pool.use_current_thread().build().ok()
+    pool.use_current_thread().build().ok().map(Arc::new)
 }
 
-/// Runs `work` on about as many `pixels` as [`run`] does, and on the calling thread if they are few and nobody listens.
+/// Runs `work` on about this number of `pixels`: on the calling thread if there are few and no listener, else as [`run`].
 ///
 /// # Errors
 /// As [`run`].
@@ -105,16 +105,12 @@ pub fn run_sized<T: Send + 'static>(
     listener: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Progress) -> PyResult<T> + Send + 'static,
 ) -> PyResult<T> {
-    if pixels > MAX_PIXELS_OF_CALLER || listener.is_some() || !CALLER.with(Option::is_some) {
+    let is_small = pixels <= MAX_PIXELS_OF_CALLER && listener.is_none();
+    let Some(pool) = is_small.then(|| CALLER.with(Option::clone)).flatten() else {
         return run(py, listener, work);
-    }
-    let done = py.detach(|| {
-        let guarded = || catch_unwind(AssertUnwindSafe(|| work(&Progress::none())));
-        CALLER.with(|pool| match pool {
-            Some(pool) => pool.install(guarded),
-            None => guarded(),
-        })
-    });
+    };
+    let guarded = || catch_unwind(AssertUnwindSafe(|| work(&Progress::none())));
+    let done = py.detach(|| pool.install(guarded));
     done.unwrap_or_else(|panic| Err(bug(&*panic)))
 }
 

@@ -92,8 +92,8 @@ resample_by!([T] Srgb<T> => LinearRgb, [T] Srgba<T> => PremulLinearRgba, [] Line
 /// pictures; bytes do not depend on it beyond rounding, but it is fixed so that they do not depend on threads at all.
 const ROWS_PER_STRIP: usize = 32;
 
-/// Rows of the source that the pass along them takes at once: about as many pixels as a cache holds as floats. Whole groups of
-/// rows, as the kernels take four together.
+/// Rows of the source in a block of the horizontal pass: as many as fit a cache as floats, and a multiple of 8, as the kernels process
+/// four rows together.
 fn rows_per_block(width: usize) -> usize {
     const PIXELS: usize = 1 << 13;
     (PIXELS / width).next_multiple_of(8).max(8)
@@ -130,8 +130,8 @@ pub fn resize<P: Resample>(image: &Image<P>, size: Size, filter: ResizeFilter) -
     result
         .par_strips_mut(ROWS_PER_STRIP)
         .enumerate()
-        .for_each_init(Worker::default, |worker, (index, pixels)| {
-            resize_strip(image, size, kernel, worker, index * ROWS_PER_STRIP, pixels);
+        .for_each_init(Scratch::default, |scratch, (index, pixels)| {
+            resize_strip(image, size, kernel, scratch, index * ROWS_PER_STRIP, pixels);
         });
     result
 }
@@ -152,13 +152,13 @@ fn nearest<P: Pixel>(image: &Image<P>, size: Size) -> Image<P> {
     result
 }
 
-/// What a thread keeps from one strip to the next.
-struct Worker<A> {
+/// Scratch space of a thread, reused from strip to strip.
+struct Scratch<A> {
     resizer: fir::Resizer,
     buffer: Vec<A>,
 }
 
-impl<A> Default for Worker<A> {
+impl<A> Default for Scratch<A> {
     fn default() -> Self {
         Self {
             resizer: fir::Resizer::new(),
@@ -172,7 +172,7 @@ fn resize_strip<P: Resample>(
     image: &Image<P>,
     size: Size,
     (filter, reach): (fir::FilterType, f64),
-    Worker { resizer, buffer }: &mut Worker<P::Averaged>,
+    Scratch { resizer, buffer }: &mut Scratch<P::Averaged>,
     first_row: usize,
     pixels: &mut [P],
 ) {

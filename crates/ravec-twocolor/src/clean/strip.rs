@@ -205,7 +205,7 @@ impl RowReader {
     }
 }
 
-/// The planes of a strip, which the next one takes over.
+/// Buffers of the planes of a strip, reused by the next one.
 #[derive(Default)]
 pub(super) struct StripMemory {
     colors: [Vec<f32>; CHANNELS],
@@ -248,7 +248,7 @@ fn lead(begin: usize, side: usize, stride: usize) -> usize {
 }
 
 impl Strip {
-    /// Reads the pixels under a strip into the memory of another one.
+    /// Reads the pixels under a strip into the buffers of another one.
     #[inline(always)]
     pub fn read<S: Simd>(
         _simd: S,
@@ -298,7 +298,7 @@ impl Strip {
         strip
     }
 
-    /// The memory for another strip.
+    /// The buffers, for another strip.
     pub fn into_memory(self) -> StripMemory {
         StripMemory {
             colors: self.colors,
