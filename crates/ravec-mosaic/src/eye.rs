@@ -10,6 +10,10 @@
 //!
 //! Source: the model of the eye is that of direct binary search in halftoning (Analoui, Allebach, 1992).
 
+mod correlation;
+
+pub(crate) use correlation::Correlation;
+
 use crate::descriptor::Descriptor;
 use crate::tiling::Tile;
 
@@ -50,12 +54,18 @@ pub(crate) type Residual = [[f32; 3]; 4];
 #[derive(Debug, Clone)]
 pub(crate) struct Eye {
     stride: usize,
-    /// Half the width of the kernels in cells.
+    kernels: Kernels,
+    /// Bordered by the reach in cells without difference on each side.
+    cells: Vec<[f32; 3]>,
+}
+
+/// The kernel as quarters of all sizes see it.
+#[derive(Debug, Clone)]
+struct Kernels {
+    /// Half the width of the kernel in cells.
     reach: usize,
     /// By the number of cells along a quarter of a tile, from 1.
     quarters: Vec<Quarter>,
-    /// Bordered by the reach in cells without difference on each side.
-    cells: Vec<[f32; 3]>,
 }
 
 /// The kernel as quarters of one size see it. It is a sum of products of a function across and the same one down, and so are
@@ -85,6 +95,15 @@ impl Modes {
             modes.copy_from_slice(&values);
         }
         Self(modes)
+    }
+
+    /// The difference from others.
+    pub fn less(&self, other: &Self) -> Self {
+        let mut difference = self.0;
+        for (value, other) in difference.iter_mut().zip(&other.0) {
+            *value -= other;
+        }
+        Self(difference)
     }
 
     /// The quarters, to rounding.
@@ -140,27 +159,21 @@ impl Eye {
     /// A mosaic of `columns` × `rows` cells that is the picture; `units` cells are half a tile of common size, and no quarter
     /// of a tile has more than `largest` cells along a side.
     pub fn new(columns: usize, rows: usize, units: usize, largest: usize, strength: f64) -> Self {
-        let reach = REACH * units;
-        // the share of a cell in a tile
-        let share = 1.0 / (4 * units * units) as f64;
-        let lines =
-            SIGMAS.map(|sigma| kernel(sigma * units as f64, reach, WEIGHT * strength * share));
-        let stride = columns + 2 * reach;
+        let kernels = Kernels::new(units, largest, strength);
+        let stride = columns + 2 * kernels.reach;
         Self {
             stride,
-            reach,
-            quarters: (1..=largest)
-                .map(|side| Quarter::new(side, &lines))
-                .collect(),
-            cells: vec![[0.0; 3]; stride * (rows + 2 * reach)],
+            cells: vec![[0.0; 3]; stride * (rows + 2 * kernels.reach)],
+            kernels,
         }
     }
 
     /// Sets the residual of a tile.
     pub fn put(&mut self, tile: Footprint, residual: &Residual) {
+        let reach = self.kernels.reach;
         for (index, value) in residual.iter().enumerate() {
             for (col, row) in tile.cells(index) {
-                self.cells[(row + self.reach) * self.stride + col + self.reach] = *value;
+                self.cells[(row + reach) * self.stride + col + reach] = *value;
             }
         }
     }
@@ -168,7 +181,7 @@ impl Eye {
     /// Dependence of the energy on the photo of a tile where the picture is `wanted`. The residual of the tile is set to 0.
     pub fn lift(&mut self, tile: Footprint, wanted: Modes) -> Pull {
         self.put(tile, &[[0.0; 3]; 4]);
-        let quarter = &self.quarters[tile.quarter - 1];
+        let quarter = &self.kernels.quarters[tile.quarter - 1];
         let around = quarter.sums.len();
         let mut linear = [[0.0f32; 3]; 4];
         for down in 0..around + tile.quarter {
@@ -193,6 +206,23 @@ impl Eye {
             wanted,
             linear: Modes::of(&linear).0.map(|value| 2.0 * value),
             quadratic: quarter.energies,
+        }
+    }
+}
+
+impl Kernels {
+    /// The kernels for quarters with up to `largest` cells along a side, where `units` cells are half a tile of common size.
+    fn new(units: usize, largest: usize, strength: f64) -> Self {
+        let reach = REACH * units;
+        // the share of a cell in a tile
+        let share = 1.0 / (4 * units * units) as f64;
+        let lines =
+            SIGMAS.map(|sigma| kernel(sigma * units as f64, reach, WEIGHT * strength * share));
+        Self {
+            reach,
+            quarters: (1..=largest)
+                .map(|side| Quarter::new(side, &lines))
+                .collect(),
         }
     }
 }

@@ -9,7 +9,7 @@
 //! least energy.
 
 use crate::choose::{ChooseParams, Problem};
-use crate::eye::{Eye, Modes, Pull, residual, tile_cost};
+use crate::eye::{Correlation, Modes, Pull, tile_cost};
 use crate::rules::Placement;
 use ravec_progress::{Cancelled, Progress};
 
@@ -30,29 +30,30 @@ pub(crate) fn improve(
     let tiling = problem.tiling;
     // cells of half a tile are too coarse for a blur by a quarter of a tile, and cost 0.3 dB
     let cells = if tiling.units == 1 { 2 } else { 1 };
+    let wanted: Vec<Modes> = (tiles.iter())
+        .map(|tile| Modes::of(&tile.descriptor.quarters))
+        .collect();
+    let mut correlation = Correlation::new(tiling, cells, params.blend);
+    let residuals: Vec<Modes> = (wanted.iter().enumerate())
+        .map(|(tile, wanted)| match placement.photo(tile) {
+            Some(photo) => problem.photos.modes(photo).less(wanted),
+            None => wanted.less(wanted),
+        })
+        .collect();
+    correlation.set(&residuals);
     let mut round = Round {
         problem,
-        cells,
-        eye: Eye::new(
-            2 * cells * tiling.columns,
-            2 * cells * tiling.rows,
-            cells * tiling.units,
-            cells * tiles.iter().map(|tile| tile.side).max().unwrap_or(1),
-            params.blend,
-        ),
+        wanted,
+        correlation,
+        at_best: vec![false; tiles.len()],
     };
-    for tile in 0..tiles.len() {
-        if let Some(photo) = placement.photo(tile) {
-            round.show(tile, photo);
-        }
-    }
     let phase = progress.phase("improve", params.rounds as u64);
     let mut changes = 0;
     for _ in 0..params.rounds {
         let before = changes;
         for tile in 0..tiles.len() {
             progress.check()?;
-            if placement.is_pinned(tile) {
+            if placement.is_pinned(tile) || round.at_best[tile] {
                 continue;
             }
             changes += usize::from(round.visit(tile, placement));
@@ -67,18 +68,14 @@ pub(crate) fn improve(
 
 struct Round<'a> {
     problem: &'a Problem<'a>,
-    /// Cells along half a unit.
-    cells: usize,
-    eye: Eye,
+    /// The picture in each tile.
+    wanted: Vec<Modes>,
+    correlation: Correlation<'a>,
+    /// Marks tiles that have no better candidate until a photo around them changes.
+    at_best: Vec<bool>,
 }
 
 impl Round<'_> {
-    fn show(&mut self, tile: usize, photo: u32) {
-        let tile = &self.problem.tiles[tile];
-        let residual = residual(self.problem.photos.modes(photo), &tile.descriptor);
-        self.eye.put(tile.footprint(self.cells), &residual);
-    }
-
     /// The part of the energy that depends on the photo of a tile.
     fn energy(&self, tile: usize, photo: u32, cost: f32, pull: &Pull) -> f32 {
         let tile = &self.problem.tiles[tile];
@@ -86,10 +83,18 @@ impl Round<'_> {
             + pull.energy(self.problem.photos.modes(photo))
     }
 
-    fn lift(&mut self, tile: usize) -> Pull {
-        let tile = &self.problem.tiles[tile];
-        let wanted = Modes::of(&tile.descriptor.quarters);
-        self.eye.lift(tile.footprint(self.cells), wanted)
+    /// The change of the residual where one photo takes the place of another.
+    fn change(&self, from: u32, to: u32) -> Modes {
+        let photos = self.problem.photos;
+        photos.modes(to).less(photos.modes(from))
+    }
+
+    /// Shows another photo in a tile.
+    fn show(&mut self, tile: usize, from: u32, to: u32) {
+        let change = self.change(from, to);
+        let at_best = &mut self.at_best;
+        at_best[tile] = false;
+        (self.correlation).change(tile, &change, |other| at_best[other] = false);
     }
 
     /// Gives a tile a better photo, if there is one.
@@ -97,7 +102,7 @@ impl Round<'_> {
         let Some(current) = placement.photo(tile) else {
             return false;
         };
-        let pull = self.lift(tile);
+        let pull = self.correlation.pull(tile, self.wanted[tile]);
         let now = self.energy(tile, current, self.problem.cost(tile, current), &pull);
         let limit = now - WORTH * now.abs();
         let mut better: Vec<(f32, u32)> = self.problem.candidates[tile]
@@ -110,13 +115,17 @@ impl Round<'_> {
             })
             .filter(|&(energy, photo)| energy < limit && photo != current)
             .collect();
+        if better.is_empty() {
+            self.at_best[tile] = true;
+            return false;
+        }
         better.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut tries = 0;
         for (energy, photo) in better {
             let own_group = placement.group(photo) == placement.group(current);
             if placement.allows(tile, photo) && (own_group || placement.releases(tile)) {
                 placement.put(tile, Some(photo));
-                self.show(tile, photo);
+                self.show(tile, current, photo);
                 return true;
             }
             if tries == TRIES {
@@ -129,7 +138,6 @@ impl Round<'_> {
                 }
             }
         }
-        self.show(tile, current);
         false
     }
 
@@ -147,8 +155,8 @@ impl Round<'_> {
             return false;
         };
         // the gain is that with the other tile as it is; from there on, what counts is how the other changes beside the new photo
-        self.show(tile, photo);
-        let pull = self.lift(other);
+        let change = self.change(current, photo);
+        let pull = (self.correlation).pull_after(other, self.wanted[other], tile, &change);
         let shown = self.energy(other, taken, self.problem.cost(other, taken), &pull);
         placement.put(other, None);
         placement.put(tile, None);
@@ -173,18 +181,14 @@ impl Round<'_> {
             placement.put(other, Some(option));
             let used = |photo: u32| !placement.tiles_of(placement.group(photo)).is_empty();
             if !placement.rules.use_all || (used(current) && used(taken)) {
-                self.show(other, option);
+                self.show(tile, current, photo);
+                self.show(other, taken, option);
                 return true;
             }
             placement.put(other, None);
         }
         placement.put(tile, Some(current));
         placement.put(other, Some(taken));
-        self.show(other, taken);
-        self.eye.put(
-            self.problem.tiles[tile].footprint(self.cells),
-            &[[0.0; 3]; 4],
-        );
         false
     }
 }
