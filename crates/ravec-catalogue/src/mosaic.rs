@@ -10,7 +10,7 @@ use crate::error::CatalogueError;
 use crate::layout::Layout;
 use crate::painter::{Candidate, Painter, Source, Unpainted};
 use crate::photo_set::PhotoSet;
-use crate::pieces::ClusterTasks;
+use crate::pieces::{ClusterTasks, PaintedStrips};
 use crate::plan::{Plan, reserve, reserve_choice};
 use crate::workers::Workers;
 use ravec_media::{Limits, RowsError, write_rows};
@@ -111,7 +111,7 @@ pub fn mosaic(
     to_files(catalogue, picture, outputs, params, limits, None, progress)
 }
 
-/// Makes a mosaic as [`mosaic()`] does, with the search for candidates and the photos by a cluster, whose workers run pieces by
+/// Makes a mosaic as [`mosaic()`] does, with the search for candidates, the photos and the rows by a cluster, whose workers run pieces by
 /// [`MosaicWorker`](crate::MosaicWorker). The store must have no parts; the caller removes them.
 ///
 /// # Errors
@@ -324,30 +324,35 @@ pub(crate) fn compose(
             .zip(&choice.photos)
             .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
             .collect();
-        let source = match &mut tasks {
-            _ if params.preview_px.is_some() => Source::Thumbnails,
-            Some(work) => {
-                work.scale(&set.photos, &places, progress)
-                    .map_err(unpainted)?;
-                Source::Scaled(work)
-            }
-            None => Source::Photos(params.crop, &plan.photos),
+        let size = (layout.size, plan.strip_px);
+        let painted = |source| {
+            let painter = Painter::new(
+                &set.photos,
+                &places,
+                size,
+                source,
+                plan.room,
+                workers,
+                progress,
+            );
+            Ok(Strips::Here(painter, plan.strip_px))
         };
-        let painter = Painter::new(
-            &set.photos,
-            &places,
-            (layout.size, plan.strip_px),
-            source,
-            plan.room,
-            workers,
-            progress,
-        );
+        let strips = match &mut tasks {
+            _ if params.preview_px.is_some() => painted(Source::Thumbnails),
+            None => painted(Source::Photos(params.crop, &plan.photos)),
+            Some(work) => work
+                .scale(&set.photos, &places, progress)
+                .and_then(|()| Ok(Strips::Cluster(work.strips(&set.photos, &places, size)?))),
+        };
         let named: Vec<(&Path, Rect)> = places
             .iter()
             .map(|&(photo, place)| (set.photos[photo as usize].entry.path.as_path(), place))
             .collect();
-        let size = (layout.size, plan.strip_px);
-        let broken = match write(sink, size, &named, painter, params.quality, progress) {
+        let written = strips.and_then(|strips| {
+            let quality = params.quality;
+            write(sink, layout.size, &named, strips, quality, progress)
+        });
+        let broken = match written {
             Ok(kept) => {
                 warnings.extend(kept.as_deref().map(kept_warning));
                 return Ok(described(
@@ -371,6 +376,36 @@ pub(crate) fn compose(
         }
         let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
         set.remove(&gone, progress)?;
+    }
+}
+
+/// Strips of the mosaic, which come from the top.
+enum Strips<'a, 't> {
+    /// Painted by this process, with their height.
+    Here(Painter<'a>, usize),
+    /// Painted by a cluster.
+    Cluster(PaintedStrips<'a, 't>),
+}
+
+impl Strips<'_, '_> {
+    /// Rows of a strip, but the last.
+    fn strip_px(&self) -> usize {
+        match self {
+            Self::Here(_, strip_px) => *strip_px,
+            Self::Cluster(strips) => strips.strip_px(),
+        }
+    }
+
+    fn rows(
+        &mut self,
+        rows: &Range<usize>,
+        pixels: &mut [Srgb<u8>],
+        progress: &Progress,
+    ) -> Result<(), Unpainted> {
+        match self {
+            Self::Here(painter, _) => painter.rows(rows, pixels),
+            Self::Cluster(strips) => strips.rows(rows, pixels, progress),
+        }
     }
 }
 
@@ -447,9 +482,9 @@ fn replaced(broken: &[(u32, String)], photos: &[Candidate]) -> Vec<String> {
 /// Paints the mosaic into all outputs at once. Returns a folder that is kept, with what was put into a page that was replaced.
 fn write(
     sink: &mut Sink<'_>,
-    (size, strip_px): (Size, usize),
+    size: Size,
     photos: &[(&Path, Rect)],
-    mut painter: Painter<'_>,
+    mut strips: Strips<'_, '_>,
     quality: u8,
     progress: &Progress,
 ) -> Result<Option<PathBuf>, Unpainted> {
@@ -458,13 +493,14 @@ fn write(
         // a second attempt begins anew
         all.clear();
     }
+    let strip_px = strips.strip_px();
     let phase = progress.phase("write", size.height().div_ceil(strip_px) as u64);
     let mut zoom = match outputs.deep_zoom {
         Some(folder) => Some(DeepZoom::new(folder, size, quality)?),
         None => None,
     };
     let mut fill = |rows: Range<usize>, pixels: &mut [Srgb<u8>]| {
-        painter.rows(&rows, pixels)?;
+        strips.rows(&rows, pixels, progress)?;
         if let Some(zoom) = &mut zoom {
             zoom.push(pixels, progress)?;
         }

@@ -6,7 +6,6 @@
 
 use crate::add::HEADER_BYTES;
 use crate::catalogue::Entry;
-use crate::pieces::ClusterTasks;
 use crate::thumbnail::opaque;
 use crate::workers::Workers;
 use ravec_media::{DecodeError, Limits, Probe, WriteError, memory_to_decode, probe_data, read};
@@ -50,8 +49,6 @@ pub(crate) struct Candidate {
 pub(crate) enum Source<'a> {
     /// The photos, scaled once.
     Photos(Crop, &'a Limits),
-    /// The photos, scaled by a cluster.
-    Scaled(&'a ClusterTasks<'a>),
     /// The small pictures of the catalogue.
     Thumbnails,
 }
@@ -229,10 +226,6 @@ fn scaled(
         Source::Photos(crop, limits) => {
             let path = &candidate.entry.path;
             Ok(scaled_from_file(path, size, crop, limits, progress)?)
-        }
-        Source::Scaled(photos) => {
-            let image = photos.get(&candidate.entry.path, size, progress)?;
-            Ok(image.map(|image| (Arc::new(image), None)))
         }
         Source::Thumbnails => Ok(small_part(candidate, size)
             .map(|image| (Arc::new(image), None))
