@@ -3,9 +3,10 @@
     python python/benches/cluster.py offset dragon.ply --distance 2% --tolerance 0.001% --side outer --memory 1GiB
     python python/benches/cluster.py mosaic photo.jpg photos.ravec --tiles 200x150 --tile-size 32x24
 
-Each worker is a process with one thread. The table for more workers replays the times of the pieces that one worker
-took: a batch begins when all pieces before it have their answers, and a free worker takes the next piece. What the
-client does between batches stays as it is.
+Each worker is a process with one thread. The serial part is the time in which the client does not wait for an answer:
+its plan, its merge, and what it does with answers while workers go on. The table for more workers replays the times of
+the pieces that one worker took: a batch begins when all pieces before it have their answers, a free worker takes the
+next piece, and nothing of the serial part runs beside pieces.
 """
 
 from __future__ import annotations
@@ -27,25 +28,21 @@ from ravec import _pieces
 
 
 class Recorder:
-    """Records when pieces are submitted and answered."""
+    """Records which pieces are out together, and how long the client waits for answers."""
 
     def __init__(self) -> None:
         self.batches: list[list[str]] = []
         self.out = 0
         self.waited_s = 0.0
-        self._since = 0.0
 
     def submitted(self, key: str) -> None:
         if self.out == 0:
             self.batches.append([])
-            self._since = time.perf_counter()
         self.batches[-1].append(key)
         self.out += 1
 
     def answered(self) -> None:
         self.out -= 1
-        if self.out == 0:
-            self.waited_s += time.perf_counter() - self._since
 
 
 def recorded(recorder: Recorder) -> None:
@@ -57,7 +54,9 @@ def recorded(recorder: Recorder) -> None:
         recorder.submitted(list(executor._out.values())[-1].key)
 
     def next_answer(executor: Any) -> tuple[int, bytes] | None:
+        start = time.perf_counter()
         answer = real_next(executor)
+        recorder.waited_s += time.perf_counter() - start
         if answer is not None:
             recorder.answered()
         return answer
@@ -91,16 +90,16 @@ def measured(step: dict[str, Any], workers: int, memory: str, target: Path) -> d
     }
     return {
         "wall_s": wall_s,
-        "between_s": wall_s - recorder.waited_s,
+        "serial_s": wall_s - recorder.waited_s,
         "batches": [[times.get(key, 0.0) for key in batch] for batch in recorder.batches],
         "peaks_mib": [round(peak) for peak in peaks.values()],
         "report": report,
     }
 
 
-def replayed(batches: list[list[float]], between_s: float, workers: int) -> float:
+def replayed(batches: list[list[float]], serial_s: float, workers: int) -> float:
     """Wall time with more workers, on paper."""
-    total = between_s
+    total = serial_s
     for batch in batches:
         free = [0.0] * workers
         for piece in batch:
@@ -134,11 +133,11 @@ def main() -> None:
             count = sum(map(len, one["batches"]))
             print(f"one worker {one['wall_s']:.1f} s, two {two['wall_s']:.1f} s: {one['wall_s'] / two['wall_s']:.2f}")
             print(f"{count} pieces in {len(one['batches'])} batches, {pieces_s:.1f} s; longest {max(map(max, one['batches'])):.1f} s")
-            share = 100 * one["between_s"] / one["wall_s"]
-            print(f"between batches {one['between_s']:.1f} s ({share:.1f} %); peaks {one['peaks_mib']} {two['peaks_mib']} MiB")
+            share = 100 * one["serial_s"] / (pieces_s + one["serial_s"])
+            print(f"serial part {one['serial_s']:.1f} s ({share:.1f} %); peaks {one['peaks_mib']} {two['peaks_mib']} MiB")
             for workers in (1, 2, 4, 8, 16, 32, 64):
-                wall_s = replayed(one["batches"], one["between_s"], workers)
-                print(f"  {workers:2} workers: {wall_s:7.1f} s, {(pieces_s + one['between_s']) / wall_s:5.1f} times")
+                wall_s = replayed(one["batches"], one["serial_s"], workers)
+                print(f"  {workers:2} workers: {wall_s:7.1f} s, {(pieces_s + one['serial_s']) / wall_s:5.1f} times")
 
 
 if __name__ == "__main__":

@@ -153,6 +153,22 @@ impl Pull {
         }
         (sums[0] + sums[2]) + (sums[1] + sums[3])
     }
+
+    /// A number that no photo is below, rounding included.
+    pub fn least(&self) -> f32 {
+        // the vertices of the parabolas
+        let modes = self.linear.iter().zip(&self.quadratic);
+        let least: f32 = (modes)
+            .map(|(&l, &q)| {
+                if l == 0.0 {
+                    0.0
+                } else {
+                    l * l / (4.0 * q.max(0.0))
+                }
+            })
+            .sum();
+        -1.001 * least
+    }
 }
 
 impl Eye {

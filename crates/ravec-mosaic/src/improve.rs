@@ -83,6 +83,22 @@ impl Round<'_> {
             + pull.energy(self.problem.photos.modes(photo))
     }
 
+    /// Candidates of a tile with less energy than `limit`, in no order.
+    fn below(&self, tile: usize, pull: &Pull, limit: f32) -> Vec<(f32, u32)> {
+        let candidates = &self.problem.candidates[tile];
+        // the nearest come first: from where the cost alone exceeds what the eye can make up for, none is below
+        let highest = limit - pull.least();
+        let units = self.problem.tiling.units;
+        let end = candidates.partition_point(|near| {
+            tile_cost(&self.problem.tiles[tile], units, near.distance_sq) <= highest
+        });
+        let energies = candidates[..end].iter().map(|near| {
+            let energy = self.energy(tile, near.photo, near.distance_sq, pull);
+            (energy, near.photo)
+        });
+        energies.filter(|&(energy, _)| energy < limit).collect()
+    }
+
     /// The change of the residual where one photo takes the place of another.
     fn change(&self, from: u32, to: u32) -> Modes {
         let photos = self.problem.photos;
@@ -105,21 +121,13 @@ impl Round<'_> {
         let pull = self.correlation.pull(tile, self.wanted[tile]);
         let now = self.energy(tile, current, self.problem.cost(tile, current), &pull);
         let limit = now - WORTH * now.abs();
-        let mut better: Vec<(f32, u32)> = self.problem.candidates[tile]
-            .iter()
-            .map(|near| {
-                (
-                    self.energy(tile, near.photo, near.distance_sq, &pull),
-                    near.photo,
-                )
-            })
-            .filter(|&(energy, photo)| energy < limit && photo != current)
-            .collect();
+        let mut better = self.below(tile, &pull, limit);
+        better.retain(|&(_, photo)| photo != current);
         if better.is_empty() {
             self.at_best[tile] = true;
             return false;
         }
-        better.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        better.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut tries = 0;
         for (energy, photo) in better {
             let own_group = placement.group(photo) == placement.group(current);
@@ -160,16 +168,10 @@ impl Round<'_> {
         let shown = self.energy(other, taken, self.problem.cost(other, taken), &pull);
         placement.put(other, None);
         placement.put(tile, None);
-        let mut options: Vec<(f32, u32)> = self.problem.candidates[other]
-            .iter()
-            .map(|near| (near.distance_sq, near.photo))
-            .collect();
-        options.push((self.problem.cost(other, current), current));
-        let mut options: Vec<(f32, u32)> = options
-            .into_iter()
-            .map(|(cost, photo)| (self.energy(other, photo, cost, &pull), photo))
-            .collect();
-        options.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut options = self.below(other, &pull, shown + gain);
+        let cost = self.problem.cost(other, current);
+        options.push((self.energy(other, current, cost, &pull), current));
+        options.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         placement.put(tile, Some(photo));
         for (energy, option) in options {
             if energy - shown >= gain {
