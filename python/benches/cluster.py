@@ -1,4 +1,4 @@
-"""One worker, two, and 64 on paper: offsets by tiles and mosaics by photos.
+"""One worker, two, and 64 on paper: offsets by tiles and mosaics by tiles, photos and rows.
 
     python python/benches/cluster.py offset dragon.ply --distance 2% --tolerance 0.001% --side outer --memory 1GiB
     python python/benches/cluster.py mosaic photo.jpg photos.ravec --tiles 200x150 --tile-size 32x24

@@ -2,7 +2,7 @@
 
 - :func:`map_recipe` runs a recipe over many files, by path or URL of fsspec.
 - :func:`offset` computes the offset of a mesh by tiles of space.
-- :func:`mosaic` makes a mosaic whose photos the workers read and scale.
+- :func:`mosaic` makes a mosaic: workers search for candidates, scale photos and paint rows.
 - :func:`clean`, :func:`smooth`, :func:`abstract`, :func:`sharpen`, :func:`enlarge` and :func:`render` take
   arrays of Dask, whose chunks they work on with the pixels around them; :func:`read` and :func:`write` are for
   TIFF files that are larger than the memory.
@@ -194,7 +194,8 @@ def mosaic(
     progress: Progress = None,
     **options: Any,
 ) -> dict[str, Any]:
-    """Writes a picture made of photos, as :func:`ravec.mosaic`, whose photos the workers of a client read and scale.
+    """Writes a picture made of photos, as :func:`ravec.mosaic`: the workers of a client search for
+    candidates, scale photos and paint rows.
 
     The file is the same as that of ``ravec mosaic`` on one machine, if every worker has the memory for every photo. All
     machines see the photos under the paths of the catalogue, which itself only the client reads. Returns the report.
@@ -202,8 +203,8 @@ def mosaic(
     :param source: path or URL of the picture
     :param target: path or URL of the mosaic: PNG, JPEG or TIFF
     :param client: client of Dask; by default the latest one
-    :param scratch: folder or URL for the scaled photos, which all machines see; by default a temporary folder, if all
-        workers are on this machine
+    :param scratch: folder or URL for scaled photos and painted rows, which all machines see; by default a temporary
+        folder, if all workers are on this machine
     :param storage_options: options of fsspec
     :param options: those of :func:`ravec.mosaic`, and ``quality`` of a JPEG, 1 to 100
     """
@@ -370,7 +371,7 @@ Runs work on a cluster of Dask: of this machine, or of a scheduler that runs els
 commands:
   map      run a recipe, whose files are @input and @output, over many files
   offset   compute the offset of a mesh by tiles of space; takes the options of ravec offset
-  mosaic   make a mosaic whose photos the workers read and scale; takes the options of ravec mosaic
+  mosaic   make a mosaic by tiles, photos and rows; takes the options of ravec mosaic
   clean, smooth, abstract, sharpen, enlarge, render
            filter a TIFF file that may be larger than the memory; NAME=VALUE are options of the function
 

@@ -1,4 +1,4 @@
-"""Offsets by tiles and mosaics by photos on a cluster: the bytes of one machine, whatever happens on the way."""
+"""Offsets by tiles and mosaics by tiles, photos and rows on a cluster: the bytes of one machine, whatever happens on the way."""
 
 from __future__ import annotations
 
@@ -255,7 +255,8 @@ def test_mosaics_are_those_of_one_machine(client: Any, tmp_path: Path, monkeypat
 
 
 @pytest.mark.skipif(os.name != "posix", reason="processes are killed")
-def test_a_worker_of_a_mosaic_is_killed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("killed_in", ["search", "photos", "write"])
+def test_a_worker_of_a_mosaic_is_killed(killed_in: str, tmp_path: Path) -> None:
     from PIL import Image
 
     random = np.random.default_rng(6)
@@ -276,7 +277,7 @@ def test_a_worker_of_a_mosaic_is_killed(tmp_path: Path) -> None:
         seen: list[int] = []
 
         def kill(phase: str, done: int, total: int) -> None:
-            if phase == "photos" and not seen:
+            if phase == killed_in and not seen:
                 (victim, *_) = client.run(os.getpid).values()
                 os.kill(victim, signal.SIGKILL)
                 seen.append(victim)

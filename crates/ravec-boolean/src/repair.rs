@@ -24,8 +24,7 @@ use crate::select::{Draft, Parent, select};
 /// Rounds after which repair gives up.
 const MAX_ROUNDS: u32 = 8;
 
-/// With fewer contacts than one for so many new triangles, only vertices of triangles that meet are merged, else those
-/// of all new ones.
+/// New triangles per contact above which only vertices of triangles that meet are merged; below, those of all new ones.
 const SPARSE: usize = 50;
 
 /// Growth per round of the distance within which vertices are merged.

@@ -22,7 +22,7 @@ use row::{COLUMNS, COLUMNS_WITHOUT_PIXELS, entry};
 use rusqlite::{Connection, params};
 use std::path::{Path, PathBuf};
 
-/// Photos in a catalogue, at most. Their numbers have 32 bits in a mosaic; so many take 16 GiB there.
+/// Maximum number of photos in a catalogue. Their numbers have 32 bits in a mosaic, where this many take 16 GiB.
 const MAX_PHOTOS: usize = 4_000_000;
 
 /// Photos between checks for cancellation.
@@ -31,8 +31,8 @@ const PHOTOS_PER_CHECK: usize = 1000;
 /// A catalogue of photos in a file.
 ///
 /// Guarantees: a change is done as a whole or not at all, also if the process is killed or the power fails, provided that the
-/// disk keeps what it reports as written; a change that was reported as done stays. Whoever finds a change half done takes it
-/// back, which needs the permission to write. A catalogue that nobody is changing is a single file. A file with other tables or
+/// disk keeps what it reports as written; a change that was reported as done stays. A process that finds a change half
+/// done takes it back, which needs the permission to write. A catalogue that nobody is changing is a single file. A file with other tables or
 /// with impossible rows is refused as damaged, and nothing in it is executed.
 ///
 /// Waits up to a minute for other processes that use the same file, or until the [`Progress`] with which it was opened is
@@ -145,7 +145,7 @@ impl Catalogue {
         wanted: impl Fn(&Entry) -> bool,
     ) -> Result<Loaded, CatalogueError> {
         let condition = if dropped { "1" } else { "dropped IS NULL" };
-        let query = format!("SELECT {columns} FROM photo WHERE {condition} ORDER BY path");
+        let query = format!("SELECT {columns} FROM photo WHERE {condition}");
         self.database.read(|connection| {
             let mut account = Account::new(self.path(), memory);
             let mut entries = Vec::new();
@@ -162,6 +162,10 @@ impl Catalogue {
                     entries.push(entry);
                 }
             }
+            // rows come in the order of the file: by the index of paths each would be looked up on its own
+            entries.sort_unstable_by(|a: &Entry, b: &Entry| {
+                a.path.as_os_str().cmp(b.path.as_os_str())
+            });
             Ok(Loaded {
                 entries,
                 memory: account.memory,

@@ -201,7 +201,7 @@ pub enum CatalogueError {
     CannotPin {
         /// The photo.
         photo: PathBuf,
-        /// What is wrong with it.
+        /// The flaw.
         reason: &'static str,
     },
     /// A tile that is set by hand is not in the grid.

@@ -3,7 +3,7 @@
 use crate::catalogue::{Catalogue, Change, Entry, Loaded};
 use crate::error::CatalogueError;
 use ravec_memory::MemoryBudget;
-use ravec_mosaic::{Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, near_duplicates};
+use ravec_mosaic::{Describer, Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, near_duplicates};
 use ravec_progress::Progress;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -134,7 +134,7 @@ pub fn clean(
 /// Descriptor of a whole photo.
 fn whole_descriptor(entry: &Entry) -> Option<Descriptor> {
     let image = entry.thumbnail.as_ref()?;
-    Some(Descriptor::of_srgb(image, Frame::of(image), MAX_DEGREE))
+    Some(Describer::default().describe(image, Frame::of(image), MAX_DEGREE))
 }
 
 /// Counts what is in a catalogue.

@@ -170,7 +170,7 @@ pub fn mosaic_in_memory(
     Ok((made, sink.into_image(layout.size)))
 }
 
-/// Where the pixels of a mosaic go.
+/// Destination of the pixels of a mosaic.
 pub(crate) struct Sink<'a> {
     pub outputs: Outputs<'a>,
     /// All pixels, if they are wanted in memory.

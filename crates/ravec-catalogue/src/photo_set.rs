@@ -11,7 +11,9 @@ use crate::plan::{Plan, reserve_choice, reserve_photos};
 use crate::workers::Workers;
 use ravec_media::Limits;
 use ravec_memory::{MemoryBudget, Reservation};
-use ravec_mosaic::{Crop, Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, Photos, near_duplicates};
+use ravec_mosaic::{
+    Crop, Describer, Descriptor, Frame, MAX_DEGREE, NEAR_DUPLICATE, Photos, near_duplicates,
+};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{AnyImage, Image, Rect, Size, Srgb};
 use rayon::prelude::*;
@@ -236,10 +238,10 @@ impl PhotoSet {
         self.descriptors = self
             .photos
             .par_iter()
-            .map(|photo| {
+            .map_init(Describer::default, |describer, photo| {
                 progress.check()?;
                 phase.advance(1);
-                Ok(describe(photo))
+                Ok(describe(photo, describer))
             })
             .collect::<Result<_, Cancelled>>()?;
         self.groups = near_duplicates(&self.descriptors, NEAR_DUPLICATE, progress)?;
@@ -313,7 +315,7 @@ fn there(
 }
 
 /// Descriptor of the part of a photo that a tile shows.
-fn describe(Candidate { entry, frame }: &Candidate) -> Descriptor {
+fn describe(Candidate { entry, frame }: &Candidate, describer: &mut Describer) -> Descriptor {
     let Some(small) = &entry.thumbnail else {
         // only photos with a small picture come here
         return Descriptor {
@@ -331,5 +333,5 @@ fn describe(Candidate { entry, frame }: &Candidate) -> Descriptor {
         width: frame.width * x,
         height: frame.height * y,
     };
-    Descriptor::of_srgb(small, frame, MAX_DEGREE)
+    describer.describe(small, frame, MAX_DEGREE)
 }

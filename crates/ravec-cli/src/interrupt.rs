@@ -18,7 +18,7 @@ const GRACE: Duration = Duration::from_millis(70);
 /// Time for the last words, in case nobody reads standard error.
 const LAST_WORDS: Duration = Duration::from_millis(20);
 
-/// Set by whoever reports the interruption first.
+/// Set when the interruption is reported for the first time.
 static REPORTED: AtomicBool = AtomicBool::new(false);
 
 /// The work that Ctrl-C cancels.

@@ -19,8 +19,7 @@ use rayon::prelude::*;
 const FEATHER_PX: f32 = 4.0;
 /// Beyond two standard deviations there is next to nothing.
 const REACH_PX: isize = 8;
-/// Where a piece meets the rim with a larger difference than this, the rim has an edge that the piece has not, and its tone
-/// should not follow.
+/// Difference of a piece from the rim above which the rim has an edge that the piece has not, and its tone should not follow.
 const TRUSTED_STEP: f32 = 0.6;
 /// Pieces that differ by more than this at a pixel show different things, and the one that is not the pixel's own has little
 /// share in it: else the edges of what lies beyond a seam would come through it, as faint steps in an even sky. Less keeps
@@ -34,7 +33,7 @@ pub(crate) struct Composition<'a> {
     pub(crate) sheet: &'a Sheet,
     /// A label for each pixel of the sheet.
     pub(crate) labels: &'a [u16],
-    /// Where each label's source lies, in sheet pixels.
+    /// Offset of the source of each label, in sheet pixels.
     pub(crate) offsets: &'a [DVec2],
 }
 

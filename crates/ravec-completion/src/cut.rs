@@ -42,7 +42,7 @@ const NONE: u32 = u32::MAX;
 /// The cells that get a label: squares of pixels, as far as these are in the hole or on its rim.
 struct Cells {
     side: i32,
-    /// Where the pixels of each cell begin, and the end.
+    /// Index of the first pixel of each cell, and the number of pixels.
     starts: Vec<u32>,
     pixels: Vec<u32>,
     right: Vec<u32>,

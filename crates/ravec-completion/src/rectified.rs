@@ -78,7 +78,7 @@ impl Sheet {
     }
 }
 
-/// Where the sheet begins, its size, and the map from it, at the scale of the hole.
+/// Origin of the sheet, its size, and the map from it, at the scale of the hole.
 fn extent(
     canvas: &Canvas,
     image_from_plane: &Homography,

@@ -1,4 +1,4 @@
-//! Where the numbers of points have the centers of pixels.
+//! Position of pixel centers in the coordinates of points.
 
 use glam::{DVec2, DVec3, dvec2};
 use ravec::planar::Homography;

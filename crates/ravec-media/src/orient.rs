@@ -58,8 +58,8 @@ mod tests {
     use super::*;
     use ravec_raster::Size;
 
-    /// Where the stored rows and columns lie in the upright picture, in the words of the EXIF standard: the place of
-    /// stored pixel (0, 0), and of its right neighbor.
+    /// Places of the stored rows and columns in the upright picture, in the words of the EXIF standard: that of the stored
+    /// pixel (0, 0), and that of its right neighbor.
     #[test]
     fn all_eight_orientations_are_those_of_the_standard() {
         let stored = Image::from_fn(Size::new(3, 2).unwrap(), |col, row| (10 * row + col) as u8);

@@ -185,7 +185,7 @@ pub fn decode_reduced(
 /// Bytes that [`decode`], or [`decode_reduced`] with `min_side`, reserves at its peak for this data, by its header. The
 /// encoded data of the caller are not among them.
 ///
-/// Whoever decodes several pictures at once reserves this first (see
+/// A caller that decodes several pictures at once reserves this first (see
 /// [`MemoryBudget::reserve_when_free`](ravec_memory::MemoryBudget::reserve_when_free)), so that a picture waits for others
 /// instead of being refused because of them.
 ///

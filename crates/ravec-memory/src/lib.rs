@@ -142,8 +142,8 @@ impl MemoryBudget {
 
     /// Reserves `bytes` as soon as others have released enough.
     ///
-    /// Whoever waits must hold no other reservation of this budget, nor run on a thread that may take up work for somebody
-    /// who does: two that wait for one another wait forever.
+    /// A caller that waits must hold no other reservation of this budget, nor run on a thread that may take up work of a caller
+    /// that does: two that wait for one another wait forever.
     ///
     /// # Errors
     /// [`ReserveError::OverBudget`] if `bytes` exceeds the limit of the budget, [`ReserveError::Cancelled`] soon after

@@ -488,5 +488,5 @@ fn level(scalar: Scalar, value: f64) -> u8 {
     value.round().clamp(0.0, 255.0) as u8
 }
 
-/// Stands for the −1 that ends a strip. As an index it is out of range: a mesh has at most so many vertices.
+/// Stands for the −1 that ends a strip. As an index it is out of range: a mesh has at most this many vertices.
 const STOP: u32 = u32::MAX;

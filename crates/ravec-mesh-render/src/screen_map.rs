@@ -1,4 +1,4 @@
-//! The map between space and picture, for whoever picks, drags or draws over a picture.
+//! The map between space and picture, for picking, dragging and drawing over a picture.
 
 use glam::DVec3;
 

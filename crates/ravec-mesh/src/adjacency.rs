@@ -35,13 +35,13 @@ pub struct EdgeUse {
 #[derive(Debug, Clone)]
 pub struct Adjacency {
     edges: Vec<[u32; 2]>,
-    /// Where the uses of an edge begin, and in the end their number.
+    /// Index of the first use of each edge, and the number of uses.
     first_use: Vec<u32>,
     uses: Vec<EdgeUse>,
     edge_of: Vec<[u32; 3]>,
-    /// Where the edges begin whose lower vertex is this one, and in the end their number.
+    /// Index of the first edge whose lower vertex is this one, for each vertex, and the number of edges.
     first_edge: Vec<u32>,
-    /// Where the triangles of a vertex begin, and in the end their number.
+    /// Index of the first triangle of each vertex, and their number.
     first_triangle: Vec<u32>,
     triangles: Vec<u32>,
 }

@@ -61,7 +61,7 @@ pub struct Facet<L> {
 }
 
 impl<L> Facet<L> {
-    /// Where the corner with a name is, if the facet has it.
+    /// Position of the corner with a name, if the facet has it.
     pub fn corner(&self, name: u32) -> Option<DVec3> {
         let at = self.names.iter().position(|&v| v == name)?;
         Some(self.corners[at])
@@ -83,8 +83,8 @@ pub trait RelaxJudge: Sync {
     /// may come to be there, or on the way there.
     fn place(&self, of: u32, around: &[Facet<Self::Descriptor>]) -> Option<DVec3>;
 
-    /// Where a new vertex should be that divides the edge between two vertices, and both facets beside it in two; the first of
-    /// these is the one at fault. `None` (always, unless the judge says otherwise) if they should stay whole.
+    /// Position of a new vertex that divides the edge between two vertices, and both facets beside it in two; the first of these is
+    /// the one at fault. `None` (always, unless the judge says otherwise) if they should stay whole.
     fn between(&self, _ends: [u32; 2], _facets: &[Facet<Self::Descriptor>; 2]) -> Option<DVec3> {
         None
     }

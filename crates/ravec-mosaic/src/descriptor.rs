@@ -12,6 +12,8 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x8};
 use ravec_raster::color::{LINEAR_FROM_SRGB8, oklab_from_linear};
 use ravec_raster::{Image, Oklab, Pixel, Srgb};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// The highest total degree of descriptors.
 pub const MAX_DEGREE: usize = 5;
@@ -82,33 +84,26 @@ impl Descriptor {
         Self::of_rows(image, frame, degree, split)
     }
 
-    /// [`of`](Self::of) the image in Oklab, bit for bit, faster.
-    pub fn of_srgb(image: &Image<Srgb<u8>>, frame: Frame, degree: usize) -> Self {
-        let simd = Level::new();
-        let convert = |pixels: &[Srgb<u8>], planes: &mut [Vec<f32>; 3]| {
-            for (at, pixel) in pixels.iter().enumerate() {
-                for (plane, value) in planes.iter_mut().zip(pixel.0) {
-                    plane[at] = LINEAR_FROM_SRGB8[value as usize];
-                }
-            }
-            dispatch!(simd, simd => oklab_from_planes(simd, planes));
-        };
-        Self::of_rows(image, frame, degree, convert)
-    }
-
     /// Descriptor of an image by a function that puts pixels of a row into one plane for each channel of Oklab.
     fn of_rows<P: Pixel>(
         image: &Image<P>,
         frame: Frame,
         degree: usize,
+        split: impl FnMut(&[P], &mut [Vec<f32>; 3]),
+    ) -> Self {
+        let across = axis(frame.left, frame.width, image.width());
+        let down = axis(frame.top, frame.height, image.height());
+        Self::along(image, (&across, &down), degree, split)
+    }
+
+    /// Descriptor of what two axes touch of an image.
+    fn along<P: Pixel>(
+        image: &Image<P>,
+        (across, down): (&Axis, &Axis),
+        degree: usize,
         mut split: impl FnMut(&[P], &mut [Vec<f32>; 3]),
     ) -> Self {
         let simd = Level::new();
-        let axis = |begin: f64, length: f64, pixels: usize| {
-            Axis::polynomials_and_parts((begin, begin + length), pixels, MAX_DEGREE, 2)
-        };
-        let across = axis(frame.left, frame.width, image.width());
-        let down = axis(frame.top, frame.height, image.height());
         let columns = across.pixels().len();
         let mut planes = [(); 3].map(|()| vec![0.0; columns.next_multiple_of(LANES)]);
         let mut sums = [[[0.0; FUNCTIONS]; FUNCTIONS]; 3];
@@ -135,6 +130,50 @@ impl Descriptor {
                 of(second, second),
             ],
         }
+    }
+}
+
+/// The weights of pixels along a side of a frame.
+fn axis(begin: f64, length: f64, pixels: usize) -> Axis {
+    Axis::polynomials_and_parts((begin, begin + length), pixels, MAX_DEGREE, 2)
+}
+
+/// A side of a frame, as bits, and the pixels of the image along it.
+type Side = (u64, u64, usize);
+
+/// Makes descriptors of 8-bit photos one after the other: those of one camera have the same sides, whose weights are kept.
+#[derive(Debug, Clone, Default)]
+pub struct Describer {
+    axes: HashMap<Side, Arc<Axis>>,
+}
+
+impl Describer {
+    /// Maximum number of sides that are kept.
+    const MAX_AXES: usize = 64;
+
+    /// [`Descriptor::of`] the image in Oklab, bit for bit, faster.
+    pub fn describe(&mut self, image: &Image<Srgb<u8>>, frame: Frame, degree: usize) -> Descriptor {
+        let simd = Level::new();
+        let convert = |pixels: &[Srgb<u8>], planes: &mut [Vec<f32>; 3]| {
+            for (at, pixel) in pixels.iter().enumerate() {
+                for (plane, value) in planes.iter_mut().zip(pixel.0) {
+                    plane[at] = LINEAR_FROM_SRGB8[value as usize];
+                }
+            }
+            dispatch!(simd, simd => oklab_from_planes(simd, planes));
+        };
+        let across = self.axis(frame.left, frame.width, image.width());
+        let down = self.axis(frame.top, frame.height, image.height());
+        Descriptor::along(image, (&across, &down), degree, convert)
+    }
+
+    fn axis(&mut self, begin: f64, length: f64, pixels: usize) -> Arc<Axis> {
+        let side = (begin.to_bits(), length.to_bits(), pixels);
+        if self.axes.len() >= Self::MAX_AXES && !self.axes.contains_key(&side) {
+            self.axes.clear();
+        }
+        let entry = self.axes.entry(side);
+        Arc::clone(entry.or_insert_with(|| Arc::new(axis(begin, length, pixels))))
     }
 }
 
@@ -299,10 +338,24 @@ mod tests {
             height: 20.5,
         };
         let oklab = image.convert();
-        assert_eq!(
-            Descriptor::of_srgb(&image, frame, 4),
-            Descriptor::of(&oklab, frame, 4)
-        );
+        let mut describer = Describer::default();
+        for _ in 0..2 {
+            let found = describer.describe(&image, frame, 4);
+            assert_eq!(found, Descriptor::of(&oklab, frame, 4));
+        }
+        for width in 1..=30 {
+            // more sides than are kept
+            for height in 1..=3 {
+                let (width, height) = (f64::from(width), f64::from(height));
+                let frame = Frame {
+                    width,
+                    height,
+                    ..frame
+                };
+                let found = describer.describe(&image, frame, 4);
+                assert_eq!(found, Descriptor::of(&oklab, frame, 4));
+            }
+        }
         let quarters = parts(&oklab, frame, 2);
         assert_eq!(Descriptor::of(&oklab, frame, 4).quarters, quarters[..]);
     }

@@ -82,7 +82,10 @@ struct Quarter {
 /// Walsh–Hadamard coefficients of the colors of four quarters, orthonormal: for each channel half the sum of the quarters, half of left
 /// minus right, half of upper minus lower, and half of one diagonal minus the other. The energy is diagonal in this basis, as the
 /// kernel between two quarters depends only on whether they differ across and down.
+///
+/// Those of a photo lie in one line of a cache, as photos are looked at in no order.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(64))]
 pub(crate) struct Modes([f32; MODES]);
 
 /// Four modes of three channels.

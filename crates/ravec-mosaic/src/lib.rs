@@ -70,7 +70,7 @@ pub use choose::{
     Choice, ChooseParams, Features, Photos, TileSearch, choose, choose_by_hand, choose_found,
 };
 pub use clean::{Flaw, MIN_SIDE, flaw};
-pub use descriptor::{Descriptor, Frame, MAX_DEGREE, Weights};
+pub use descriptor::{Describer, Descriptor, Frame, MAX_DEGREE, Weights};
 pub use feature::mark_features;
 pub use groups::{NEAR_DUPLICATE, near_duplicates};
 pub use rules::{ChooseError, Rules, violations};

@@ -22,7 +22,7 @@ struct Panel {
     height: usize,
     /// Start of the rows below its columns.
     rows: usize,
-    /// Where its entries begin, column by column.
+    /// Index of its first entry; entries come column by column.
     values: usize,
 }
 

@@ -174,7 +174,7 @@ impl Task {
         }
     }
 
-    /// What the octree is grown by.
+    /// The setting in which the octree is grown.
     pub fn setting<'a>(
         &self,
         field: &'a Field<'a>,

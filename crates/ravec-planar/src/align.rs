@@ -1,4 +1,4 @@
-//! Where small patches of one picture lie in another, to a fraction of a pixel.
+//! Alignment of small patches of one picture in another, to a fraction of a pixel.
 //!
 //! ```text
 //! for each point: cut a patch around it, and the patch around its image bent by the homography's derivatives

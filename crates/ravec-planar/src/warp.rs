@@ -127,7 +127,7 @@ pub fn warp<P: Average>(
     Ok(output)
 }
 
-/// What [`warp`](fn@crate::warp) needs besides the image, for warps on another device.
+/// Inputs of [`warp`](fn@crate::warp) besides the image, for warps on another device.
 pub struct WarpParts<P> {
     /// The image halved once, twice and so on, as often as the map needs.
     pub halved: Vec<Image<P>>,

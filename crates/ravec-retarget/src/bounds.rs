@@ -45,7 +45,7 @@ const MAX_STEPS: usize = 24;
 /// Steps of a solution that starts from one for a similar size.
 const WARM_STEPS: usize = 4;
 
-/// Where the edges should be and how much they missed it, for both axes: what a similar size starts from.
+/// Targets of the edges and the amounts by which they were missed, for both axes, from which the solution for a similar size starts.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct State {
     wanted: [Vec<f64>; 2],

@@ -36,7 +36,7 @@ pub(crate) struct Grid {
     pub(crate) units: [usize; 2],
     /// The size of the picture, in pixels.
     pub(crate) image_size: Size,
-    /// Where each vertex lies, in units.
+    /// Position of each vertex, in units.
     pub(crate) vertices: Vec<[usize; 2]>,
     pub(crate) cells: Vec<Cell>,
     pub(crate) edges: Vec<Edge>,
@@ -161,7 +161,7 @@ impl Grid {
         )
     }
 
-    /// Where a vertex lies in the picture, in pixels.
+    /// Position of a vertex in the picture, in pixels.
     pub(crate) fn position_px(&self, vertex: u32) -> DVec2 {
         let [x, y] = self.vertices[vertex as usize];
         dvec2(x as f64, y as f64) * self.unit_px()

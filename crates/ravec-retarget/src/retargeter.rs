@@ -356,7 +356,7 @@ impl Retargeter {
         }
     }
 
-    /// Where the vertices are, in a picture of the size `whole`.
+    /// Positions of the vertices in a picture of the size `whole`.
     fn positions(&self, found: &Bounded, whole: DVec2) -> Vec<DVec2> {
         let factor = whole / as_vector(self.grid.image_size);
         (0..self.grid.vertices.len() as u32)

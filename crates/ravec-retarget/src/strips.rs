@@ -1,4 +1,4 @@
-//! Where long straight edges may be: the contrast across every straight line of a strip, all of them at once.
+//! Candidates for long straight edges: the contrast across every straight line of a strip, all of them at once.
 //!
 //! A strip is 64 pixels long and as wide as the picture. A line enters it at one place and leaves it up to 63 pixels to
 //! the side; along each such line the difference between the three pixels on one side and the three on the other is
@@ -223,7 +223,7 @@ impl Sums {
         squares
     }
 
-    /// The median of the squares for each so many places along the border: what roughness has.
+    /// The median of the squares of each block of places along the border: the level of the roughness.
     fn medians(&self, squares: &[f32]) -> Vec<f32> {
         let across = self.across;
         (0..across)

@@ -61,7 +61,7 @@ const REACH: usize = 6;
 struct Edge {
     /// Start of the chunk.
     first: usize,
-    /// Where its middle is, along and across.
+    /// Position of its middle, along and across.
     at: f64,
     v: f64,
     contrast: f32,

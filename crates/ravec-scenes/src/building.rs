@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 pub struct BuildingTruth {
     /// The focal length in pixels. The axis of the lens goes through the middle of the picture.
     pub focal_px: f64,
-    /// Where lines along x, y and z meet, as homogeneous points of the picture.
+    /// Vanishing points of lines along x, y and z, as homogeneous points of the picture.
     pub vanishing_points: [DVec3; 3],
     /// Images of the corners of the right and of the left wall: lower left, lower right, upper right, upper left.
     pub walls_in_image: [[DVec2; 4]; 2],

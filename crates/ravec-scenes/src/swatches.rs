@@ -7,7 +7,7 @@ use glam::{DVec2, Vec3};
 use ravec_raster::{Image, LinearRgb, Size};
 use serde::{Deserialize, Serialize};
 
-/// Where each texture is: fields of equal size, separated by nothing.
+/// Fields of the textures, of equal size and without gaps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SwatchesTruth {
     /// The fields, row by row.

@@ -11,6 +11,7 @@ use crate::document::{Document, Edit, EditId, is_result_name};
 use crate::engine::{RunError, lock, source_key};
 use crate::tools::measure_key;
 use crate::tracking::Tracking;
+use crate::worker::Worker;
 use ravec::progress::{Progress, Update};
 use ravec::raster::Size;
 use ravec_jobs::matte::{FrameMattes, Spread};
@@ -23,7 +24,6 @@ use std::cell::Cell;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Pause between looks at a track that is measured for the canvas.
@@ -180,7 +180,7 @@ struct Shared {
 /// Runs the analyses of one document.
 pub(crate) struct Analyses {
     shared: Arc<Shared>,
-    worker: Option<JoinHandle<()>>,
+    _worker: Worker,
 }
 
 /// True for an edit whose result is found here. A matte without an output of its own is one: the clip becomes its foreground. So is
@@ -218,11 +218,9 @@ impl Analyses {
             repaint,
         });
         let own = shared.clone();
-        let worker = std::thread::Builder::new().name("analyses".to_owned());
         Self {
             shared,
-            // without a thread nothing is found, and the window still works
-            worker: worker.spawn(move || work(&own, &tracking)).ok(),
+            _worker: Worker::start("analyses", move || work(&own, &tracking)),
         }
     }
 
@@ -282,18 +280,12 @@ impl Analyses {
 
 impl Drop for Analyses {
     fn drop(&mut self) {
-        {
-            let mut state = lock(&self.shared.state);
-            state.quits = true;
-            if let Some((_, progress)) = &state.running {
-                progress.cancel();
-            }
+        let mut state = lock(&self.shared.state);
+        state.quits = true;
+        if let Some((_, progress)) = &state.running {
+            progress.cancel();
         }
         self.shared.wake.notify_all();
-        if let Some(worker) = self.worker.take() {
-            // a panic of the worker was reported where it happened
-            let _ = worker.join();
-        }
     }
 }
 

@@ -9,11 +9,11 @@
 use crate::analyses::Analyses;
 use crate::engine::lock;
 use crate::tracking::Tracking;
+use crate::worker::Worker;
 use ravec::progress::Progress;
 use std::any::Any;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Condvar, LazyLock, Mutex, PoisonError};
-use std::thread::JoinHandle;
 
 /// An answer of any type.
 type Answer = Arc<dyn Any + Send + Sync>;
@@ -82,7 +82,7 @@ pub(crate) struct Assistant {
     /// Finds what edits of a shot need.
     pub analyses: Analyses,
     shared: Arc<Shared>,
-    worker: Option<JoinHandle<()>>,
+    _worker: Worker,
 }
 
 impl Assistant {
@@ -97,13 +97,11 @@ impl Assistant {
             repaint,
         });
         let own = shared.clone();
-        let worker = std::thread::Builder::new().name("assistant".to_owned());
         Self {
             tracking,
             analyses,
             shared,
-            // without a thread nothing is answered, and the window still works
-            worker: worker.spawn(move || work(&own)).ok(),
+            _worker: Worker::start("assistant", move || work(&own)),
         }
     }
 
@@ -160,18 +158,12 @@ impl Assistant {
 
 impl Drop for Assistant {
     fn drop(&mut self) {
-        {
-            let mut state = lock(&self.shared.state);
-            state.quits = true;
-            if let Some((_, progress)) = &state.running {
-                progress.cancel();
-            }
+        let mut state = lock(&self.shared.state);
+        state.quits = true;
+        if let Some((_, progress)) = &state.running {
+            progress.cancel();
         }
         self.shared.wake.notify_all();
-        if let Some(worker) = self.worker.take() {
-            // a panic of the worker was reported where it happened
-            let _ = worker.join();
-        }
     }
 }
 

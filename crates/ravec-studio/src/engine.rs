@@ -16,6 +16,7 @@ use crate::device::edit_context;
 use crate::document::{Document, EditId, is_result_name};
 use crate::painting::Painting;
 use crate::shown::Shown;
+use crate::worker::Worker;
 use cache::Cache;
 use evaluate::{Evaluated, evaluate};
 use ravec::progress::{Progress, Update};
@@ -25,7 +26,6 @@ use shot::OpenShots;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// An error of a request.
@@ -195,7 +195,7 @@ impl Shared {
 /// Computes the results of one document.
 pub struct Engine {
     shared: Arc<Shared>,
-    worker: Option<JoinHandle<()>>,
+    _worker: Worker,
 }
 
 impl Engine {
@@ -208,11 +208,9 @@ impl Engine {
             repaint: Box::new(repaint),
         });
         let own = shared.clone();
-        let worker = std::thread::Builder::new().name("worker".to_owned());
         Self {
             shared,
-            // without a thread nothing is computed, and the window still works
-            worker: worker.spawn(move || work(&own)).ok(),
+            _worker: Worker::start("worker", move || work(&own)),
         }
     }
 
@@ -305,10 +303,6 @@ impl Drop for Engine {
         self.shared.state().quits = true;
         self.cancel();
         self.shared.wake.notify_all();
-        if let Some(worker) = self.worker.take() {
-            // a panic of the worker was reported where it happened
-            let _ = worker.join();
-        }
     }
 }
 

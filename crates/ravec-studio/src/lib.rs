@@ -58,6 +58,7 @@ mod studio;
 mod tools;
 mod tracking;
 mod view;
+mod worker;
 
 pub use analyses::AnalysisView;
 pub use content::{Content, Kind, View, Visible};

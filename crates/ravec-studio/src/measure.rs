@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Where a script is played.
+/// Place in which a script is played.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Stage {
     /// Without a window.

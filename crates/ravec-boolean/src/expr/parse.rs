@@ -74,7 +74,7 @@ pub enum ParseExprError {
 }
 
 impl ParseExprError {
-    /// Where the error is, in bytes from the beginning of the text; its length for what is missing at its end.
+    /// Position of the error in bytes from the beginning of the text; its length if something is missing at its end.
     pub fn at(&self) -> usize {
         match self {
             Self::NoOperand { at, .. }

@@ -6,7 +6,7 @@
 //! The journal is a rollback journal, which exists only during a change: a catalogue at rest is one file, which can be copied,
 //! kept on a network folder, and read in a folder that is write-protected. A write-ahead log allows none of these.
 //!
-//! Locks are polled here instead of by the database, so that whoever waits can be cancelled.
+//! Locks are polled here instead of by the database, so that a process that waits can be cancelled.
 
 use crate::error::CatalogueError;
 use ravec_progress::{Cancelled, Progress};

@@ -204,7 +204,7 @@ impl Place {
     }
 }
 
-/// The lock of whoever moves a folder aside and removes it.
+/// The lock held while a folder is moved aside and removed.
 struct Lock {
     _handle: Option<File>,
 }

@@ -11,7 +11,7 @@ use glam::{DVec2, IVec2, dvec2};
 pub(super) struct Low {
     /// The place, with the score at the bottom of the parabola through its neighbors.
     pub(super) place: Place,
-    /// Where that bottom lies, −½ to ½.
+    /// Offset of that bottom from the pixel, −½ to ½.
     pub(super) between: DVec2,
     /// No neighbor is lower.
     pub(super) minimum: bool,

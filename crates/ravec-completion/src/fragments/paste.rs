@@ -30,8 +30,7 @@ const CORE: f64 = 0.5;
 const COST: f32 = 1e6;
 /// More than any cut can save.
 const FORCED: i32 = 1 << 28;
-/// Where the rim and the source differ by more than this, the rim has an edge that the source has not, and tones should not
-/// follow.
+/// Difference of rim and source above which the rim has an edge that the source has not, and tones should not follow.
 const TRUSTED_STEP: f32 = 0.6;
 /// Weight that holds tones to those of the source, against one neighbor: light may change from one end of a fragment to
 /// the other, but does not run away over many of them.

@@ -1,4 +1,4 @@
-//! Where to go on: the pixels along the rim of what is open, and which of them comes next.
+//! Order of filling: the pixels along the rim of the open area, by their priority.
 //!
 //! First come places of which much is known for sure, and at which structure runs into the hole: confidence times strength.
 //! Confidence is 1 for pixels of the picture and falls with every step that was taken on the way; strength is the gradient

@@ -60,7 +60,7 @@ pub(super) struct Hunt<'a> {
     /// Number of places, and their least distance.
     pub(super) count: usize,
     pub(super) apart_px: f64,
-    /// Where in the picture the target is, around which large buffers are searched; none for searches of all blocks.
+    /// Position of the target in the picture, around which large buffers are searched; none for searches of all blocks.
     pub(super) around: Option<DVec2>,
 }
 
@@ -175,7 +175,7 @@ impl Hunt<'_> {
         Ok(found.into_iter().min_by(order))
     }
 
-    /// Where between pixels the mismatch around a place is least, −½ to ½.
+    /// Offset of the least mismatch around a place between pixels, −½ to ½.
     pub(super) fn between(&self, place: &Place) -> DVec2 {
         let (template, vectors) = (&self.templates[0], Vectors::new());
         let planes = &self.buffers[place.buffer].levels[0];

@@ -77,7 +77,7 @@ impl Demo<'_> {
         self.image.size()
     }
 
-    /// Where the contrast of two-color pixels is largest: edges, not noise.
+    /// The rectangle in which the contrast of two-color pixels is largest: edges, not noise.
     fn busiest_part(&self) -> Result<Rect, JobError> {
         let field = self.fit(8)?;
         let (columns, rows) = (CROP[0] / 8, CROP[1] / 8);

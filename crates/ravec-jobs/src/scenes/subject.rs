@@ -1,4 +1,4 @@
-//! What `scenes` writes: a scene or a clip, by name.
+//! Subjects of `scenes`: scenes and clips by name.
 
 use ravec::raster::Size;
 use ravec_scenes::catalog::SceneId;

@@ -1,4 +1,4 @@
-//! What a track is worth, for the report.
+//! Quality of a track, for the report.
 
 use super::file::TrackFile;
 use crate::error::JobError;

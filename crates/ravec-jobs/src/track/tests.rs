@@ -49,7 +49,7 @@ impl Wall {
         self.folder.path().join(name)
     }
 
-    /// Where the background of `reference` is in `index`.
+    /// Map of the background from frame `reference` to frame `index`.
     pub fn map(&self, index: u64, reference: u64) -> Homography {
         let matrix = self
             .truth

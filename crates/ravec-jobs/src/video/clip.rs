@@ -172,7 +172,7 @@ pub(crate) fn folder_or_clip(
     Ok(clip)
 }
 
-/// Where the frames of an output go.
+/// Destination of the frames of an output.
 enum Target {
     File(ClipWriter),
     Between(Between),

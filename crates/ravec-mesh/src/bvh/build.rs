@@ -288,7 +288,7 @@ fn cut_in_eight<'a>(
 }
 
 /// Appends `lanes` parts of a range that are leaves, in order, or one for each triangle if there are fewer. All triangles
-/// must fit in so many leaves.
+/// must fit in `lanes` leaves.
 fn cut_into_leaves<'a>(part: Part<'a>, lanes: usize, effort: Effort, parts: &mut Vec<Part<'a>>) {
     let count = part.prims.len();
     let lanes = lanes.min(count);
@@ -325,7 +325,7 @@ fn cut_cheaply<const BINS: usize>(
     }
 }
 
-/// As [`cut_cheaply`], along so many axes from `first` on.
+/// As [`cut_cheaply`], along `AXES` axes from `first` on.
 fn cut_along<const BINS: usize, const AXES: usize>(
     part: Part<'_>,
     first: usize,

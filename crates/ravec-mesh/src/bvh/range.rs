@@ -327,7 +327,7 @@ impl Ray {
         }
     }
 
-    /// Where the triangle is met, and whether from its back.
+    /// Parameter at which the triangle is met, and `true` if from its back.
     #[inline]
     fn meets(&self, corners: [DVec3; 3]) -> Option<(f64, bool)> {
         let offsets = corners.map(|corner| {

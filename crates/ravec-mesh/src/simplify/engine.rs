@@ -86,7 +86,7 @@ pub(super) struct Engine<'a, J: CollapseJudge> {
     /// The last examination, and those made ahead; kept for their lists.
     last: Collapse<J::Findings>,
     ahead: Vec<Collapse<J::Findings>>,
-    /// Where triangles have changed since a batch was examined, if there is one and triangles must not meet.
+    /// Boxes of triangles that have changed since a batch was examined, if there is one and triangles must not meet.
     changed_boxes: Option<Vec<Aabb>>,
     /// Number of edges that are examined at once the next time, and number examined one after the other before that.
     reach: usize,

@@ -19,7 +19,7 @@ pub struct CollapseCandidate<'a> {
     pub before: &'a [[DVec3; 3]],
     /// The names of these corners, by their index in the original mesh.
     pub corners_before: &'a [[u32; 3]],
-    /// Where they will be, in the same order.
+    /// Positions of the corners afterwards, in the same order.
     pub after: &'a [[DVec3; 3]],
     /// The names they will have, by their index in the original mesh.
     pub corners: &'a [[u32; 3]],

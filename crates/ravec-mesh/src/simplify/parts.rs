@@ -237,7 +237,7 @@ pub(super) fn by_group(
     samples_of
 }
 
-/// Adds so many rings of neighbors to the vertices that are chosen: a bit for each vertex of the mesh.
+/// Adds rings of neighbors to the chosen vertices, which have a bit for each vertex of the mesh.
 ///
 /// # Panics
 /// If there are fewer bits than vertices.
@@ -258,7 +258,7 @@ pub fn add_rings(chosen: &mut [bool], mesh: &TriMesh, rings: usize) {
 mod tests {
     use super::*;
 
-    /// A flat grid of so many squares, each of two triangles.
+    /// A flat grid of `columns` × `rows` squares, each of two triangles.
     fn grid(columns: u32, rows: u32) -> TriMesh {
         let at = |x: u32, y: u32| y * (columns + 1) + x;
         let places = (0..=rows).flat_map(|y| (0..=columns).map(move |x| (x, y)));

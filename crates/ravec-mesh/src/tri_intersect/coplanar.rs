@@ -48,7 +48,7 @@ fn sides<const N: usize>(
     })
 }
 
-/// Where `p`, a point of the plane of `t`, lies.
+/// Place of `p`, a point of the plane of `t`.
 pub(super) fn place(t: &[DVec3; 3], view: (Projection, Sign), p: DVec3) -> Place {
     place_by(&sides(t, view, &[p]), 0)
 }
@@ -141,7 +141,7 @@ pub(super) fn segment_and_triangle(
     }
 }
 
-/// Where `p`, a point of the line through the two different ends of `s`, lies.
+/// Place of `p`, a point of the line through the two different ends of `s`.
 pub(super) fn between(s: [DVec3; 2], p: DVec3) -> Place {
     if p == s[0] || p == s[1] {
         return Place::Border;

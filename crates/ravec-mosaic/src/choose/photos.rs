@@ -163,7 +163,7 @@ impl Photos {
     }
 
     /// The `count` photos nearest to a tile, the nearest first, by the squared distances that [`choose()`](crate::choose()) compares. Of
-    /// near-duplicates only the nearest is there, and none that is banned; there are fewer if there are not so many.
+    /// near-duplicates only the nearest is there, and none that is banned; there are fewer if not enough are left.
     pub fn nearest(&self, tile: &Tile, count: usize) -> Vec<Near> {
         let mut asked = count;
         loop {

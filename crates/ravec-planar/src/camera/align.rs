@@ -98,7 +98,7 @@ const MIN_BLOCK_SAMPLES: usize = 12;
 const MIN_CONTRAST: f32 = 0.008;
 
 /// Two motions look different in a block if their difference has at least this part of the energy of the noise, and they are
-/// told apart by at least so many blocks.
+/// distinguished by at least the second number of blocks.
 const MIN_CHANGE: f32 = 0.1;
 const MIN_EVIDENCE: usize = 3;
 

@@ -13,7 +13,7 @@
 //! key frame, not once for each frame. While the camera stands still there is one key frame, and the motion is exactly the
 //! identity.
 //!
-//! What is estimated is the motion that most of the textured picture follows. It is a homography, which is right for a camera
+//! The estimate is the motion that most of the textured picture follows. It is a homography, which is right for a camera
 //! that turns and zooms, and for a flat or far background; with depth and a camera that travels it is that of the part which
 //! fits best. Where a homography is not determined well enough, an affine map, a similarity, a shift or the identity stands
 //! for it.

@@ -65,7 +65,7 @@ const WINDOW: usize = 12;
 /// Largest motion of a window along each axis, in pixels of the level: with the default working size 9 % of the width.
 const REACH: isize = 10;
 
-/// Correlation from which a window is found. Chance alone reaches 0.8 among so many shifts of smooth windows.
+/// Correlation from which a window is found. Chance alone reaches 0.8 among all shifts of smooth windows.
 const FOUND: f32 = 0.88;
 
 /// Deviation of luma below which a window is plain.

@@ -83,7 +83,7 @@ const KEY_LOSS: f64 = 0.85;
 const KEY_RESIDUAL: f64 = 1.7;
 const MIN_KEY_SIGMA: f64 = 0.004;
 
-/// While the share of alike blocks is below this, a new key frame is tried every so many frames: what hid the background in the
+/// Share of alike blocks below which new key frames are tried, and the frames between two tries: what hid the background in the
 /// present one may have gone.
 const POOR_SHARE: f64 = 0.75;
 const PATIENCE: usize = 6;
@@ -110,7 +110,8 @@ const DOUBT: f64 = 0.25;
 /// Blocks that must show the difference for each unknown, unless half of all textured blocks do.
 const BLOCKS_PER_UNKNOWN: f64 = 3.0;
 
-/// A frame that fits nothing and is white in a larger share of pixels by this is a flash; so many in a row are passed over.
+/// Growth of the share of white pixels from which a frame that fits nothing is a flash, and the maximum number of flashes in a row
+/// that are passed over.
 const FLASH: f32 = 0.3;
 const MAX_FLASHES: usize = 4;
 
@@ -367,7 +368,7 @@ impl Shot {
         best
     }
 
-    /// True if there is evidence that a pose, which has so many `unknowns` more, is better than another one.
+    /// True if there is evidence that a pose with this many more `unknowns` is better than another one.
     fn beats(
         &self,
         pose: &Pose,

@@ -63,7 +63,7 @@ impl View {
     }
 }
 
-/// What a frame shows besides the world.
+/// Content of a frame besides the world.
 #[derive(Clone, Copy)]
 struct Damage {
     noise: f64,

@@ -48,7 +48,7 @@ impl Descriptor {
     }
 }
 
-/// Where a gradient's vote goes: the first of 2 × 2 fields (with rim), the shares of the four, times the window.
+/// Fields that a gradient votes for: the first of 2 × 2 fields (with rim), the shares of the four, times the window.
 struct Vote {
     field: usize,
     shares: [f32; 4],

@@ -10,7 +10,7 @@ const BINS: usize = 36;
 /// Of the highest peak, for others to count as directions of their own.
 const PEAK_SHARE: f32 = 0.8;
 
-/// Where gradients are taken, in units of the feature's blur, and how much they count: a disc of three times the window's
+/// Positions of gradients, in units of the feature's blur, and their weights: a disc of three times the window's
 /// standard deviation of 1.5, at a distance of 0.6, at which the blurred picture has no finer detail.
 static DISC: LazyLock<Vec<[f32; 3]>> = LazyLock::new(|| {
     const STEP: f32 = 0.6;

@@ -198,7 +198,7 @@ fn farthest(a: &QuadGrid, b: &QuadGrid) -> f64 {
     pairs.map(|(a, b)| a.distance(b)).fold(0.0, f64::max)
 }
 
-/// Where the lines may belong, from a search within the whole reach: the likeliest first.
+/// Candidates for the grid, from a search within the whole reach, the likeliest first.
 fn starts(
     picture: &Pyramid<f32>,
     grid: &QuadGrid,

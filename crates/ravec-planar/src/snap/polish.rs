@@ -121,7 +121,7 @@ pub(super) fn polish(
     Ok(Snapped { grid, support })
 }
 
-/// One of `every` so many sites, or more where there are few.
+/// Every `every`-th site, or more of them if there are few.
 pub(super) fn thinned(sites: &[Site], every: usize) -> Vec<&Site> {
     let every = every.min(sites.len() / ENOUGH_SITES).max(1);
     sites.iter().step_by(every).collect()

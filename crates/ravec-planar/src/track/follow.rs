@@ -21,7 +21,7 @@ const DENSE_STEPS: usize = 4;
 const SETTLED_PX: f64 = 0.02;
 const DENSE_SETTLED_PX: f64 = 0.002;
 
-/// Blur is estimated at so many of the finest levels.
+/// Number of the finest levels at which blur is estimated.
 const BLUR_LEVELS: usize = 3;
 
 /// Variance of the relative blur, in square pixels of a level, up to which second derivatives stand for it.

@@ -126,8 +126,8 @@ impl From<Cancelled> for PhotoError {
 /// Margin around the region in which pixels are read, in pixels.
 const MARGIN_PX: f64 = 16.0;
 
-/// Features are sought in the photo reduced to at most so many times the pixels of the region, where most of them can be seen in
-/// the frame too; and, if that fails, in one of at most so many pixels.
+/// Pixels of the photo in which features are sought, in those of the region: at this size most features can be seen in the frame
+/// too. If that fails, they are sought in a photo of at most the second number of pixels.
 const MAX_GROWTH: usize = 4;
 const MAX_PIXELS: usize = 12_000_000;
 

@@ -117,7 +117,7 @@ impl Searcher {
     }
 }
 
-/// True if features are tried in a frame, so many frames after the loss.
+/// True if features are tried in a frame, `lost_for` frames after the loss.
 pub(super) fn is_due(lost_for: usize) -> bool {
     lost_for < EAGER_FRAMES || lost_for.is_multiple_of(PATIENCE)
 }

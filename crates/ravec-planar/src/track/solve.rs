@@ -97,7 +97,8 @@ const HAND_PX: f64 = 0.05;
 /// Deviation that every measured frame has at least, in pixels: predicted ones may be zero.
 const FLOOR_PX: f64 = 0.02;
 
-/// A measured acceleration so many times the common one is a jump of the measurement, if it is also larger than a pixel share.
+/// Measured acceleration, in multiples of the common one, above which it is a jump of the measurement, if it is also larger than a
+/// pixel share.
 const JUMP: f64 = 6.0;
 const MIN_JUMP_PX: f64 = 0.1;
 

@@ -54,7 +54,7 @@ impl Texture {
 /// A clip whose truth is known.
 struct Scene {
     plane: Texture,
-    /// What is seen beyond the poster; nothing if the plane has no end.
+    /// Texture beyond the poster; none if the plane has no end.
     behind: Option<Texture>,
     noise: f64,
     gain: fn(usize) -> (f64, f64),

@@ -64,7 +64,7 @@ impl Default for ClipOptions {
 }
 
 impl ClipOptions {
-    /// The default with a look-ahead of one second, for a clip of so many frames a second.
+    /// The default with a look-ahead of one second, for a clip of `frames_per_second`.
     pub fn at_rate(frames_per_second: f64) -> Self {
         let frames = if frames_per_second.is_finite() {
             frames_per_second.round().clamp(1.0, 600.0) as usize

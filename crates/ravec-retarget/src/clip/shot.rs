@@ -38,7 +38,7 @@ const REACH: usize = if FOLLOWED > SMOOTHING {
     SMOOTHING
 };
 
-/// What all shots of a clip share.
+/// State that all shots of a clip share.
 #[derive(Debug)]
 pub(super) struct Stage {
     pub(super) options: ClipOptions,

@@ -10,7 +10,7 @@ use glam::DVec2;
 use ravec_raster::Size;
 use std::sync::Arc;
 
-/// What was seen, and the deformations that it leads to.
+/// Observations, and the deformations that they lead to.
 #[derive(Debug)]
 pub(super) struct Solution {
     pub(super) seen: Seen,

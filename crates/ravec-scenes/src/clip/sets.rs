@@ -58,7 +58,7 @@ impl View {
     }
 }
 
-/// Where the row of houses is photographed from: eye height of a first floor, across the road.
+/// Eye height from which the row of houses is photographed: that of a first floor, across the road.
 const EYE_HEIGHT: f64 = 4.2;
 const EYE_DISTANCE: f64 = 42.0;
 /// Length of the row.

@@ -22,15 +22,15 @@ const PLACES: [f64; 2] = [-1.0, 2.0];
 pub struct Script {
     /// Version of the format: 1.
     pub version: u32,
-    /// What is measured, in a sentence.
+    /// Subject of the measurement, in a sentence.
     #[serde(default)]
     pub about: String,
     /// Columns and rows of the window in points, 200 to 4000.
     #[serde(default = "default_window")]
     pub window: [u32; 2],
-    /// What is opened.
+    /// The document.
     pub open: Opened,
-    /// What the hand does, in turn. Each step begins when nothing is going on any more.
+    /// Actions of the hand, in turn. Each step begins when nothing is going on any more.
     pub steps: Vec<Step>,
 }
 
@@ -38,7 +38,7 @@ fn default_window() -> [u32; 2] {
     [1280, 820]
 }
 
-/// What a script opens.
+/// Document of a script.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Opened {
@@ -63,7 +63,7 @@ pub enum Opened {
     },
 }
 
-/// What the hand does.
+/// Action of the hand.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Step {

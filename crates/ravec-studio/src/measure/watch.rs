@@ -9,7 +9,7 @@ use crate::shown::TileIndex;
 use crate::studio::{Counts, Source};
 use crate::view::canvas::SeenTile;
 
-/// What has become of an event.
+/// Outcome of an event.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Fate {
     /// It was shown in the frame that has just ended.
@@ -41,7 +41,7 @@ enum Stage {
     Drawing(Wanted),
 }
 
-/// What a frame wanted to draw.
+/// Pictures that a frame is to draw.
 #[derive(Debug, Clone)]
 struct Wanted {
     tiles: Vec<SeenTile>,

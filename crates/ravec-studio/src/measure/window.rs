@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-/// What the window leaves when it is closed.
+/// Result of the window when it is closed.
 type Outcome = Arc<Mutex<Option<Result<Measurement, String>>>>;
 
 /// A window whose input comes from a script.

@@ -2,12 +2,15 @@
 
 use super::Studio;
 use crate::content::Kind;
+use crate::document::Edit;
 use crate::open::{input_of, label_of};
 use crate::settings::{self, Form};
-use crate::tools::Desk;
-use crate::view::canvas::Layers;
-use crate::view::panel::panel_ui;
+use crate::shown::Shown;
+use crate::tools::{Desk, Gesture};
+use crate::view::canvas::{Canvas, Layers};
+use crate::view::panel::{Change, panel_ui};
 use egui::{RichText, Ui};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Time after which work shows its progress and a button that stops it.
@@ -15,6 +18,27 @@ const PATIENCE: Duration = Duration::from_millis(300);
 
 /// Height of the picture of a quick result in the panel, in points.
 const BESIDE_HEIGHT: f32 = 200.0;
+
+/// The form of the settings of an edit; an empty one if the operation has none.
+fn form_of(edit: &Edit) -> Form {
+    settings::form(&edit.operation).unwrap_or(Form {
+        about: String::new(),
+        settings: Vec::new(),
+    })
+}
+
+/// Shows a picture in the panel.
+fn beside_ui(ui: &mut Ui, canvas: &mut Canvas, picture: &Arc<Shown>, name: &str) {
+    let size = egui::vec2(ui.available_width(), BESIDE_HEIGHT);
+    let layers = Layers {
+        shown: Some(picture),
+        ..Layers::default()
+    };
+    ui.allocate_ui(size, |ui| {
+        ui.set_max_height(BESIDE_HEIGHT);
+        canvas.ui_named(ui, &layers, name);
+    });
+}
 
 impl Studio {
     /// Tools and edits.
@@ -67,12 +91,8 @@ impl Studio {
             ui.label("Choose a tool, or an edit of the list.");
             return;
         };
-        let form = self.forms.entry(edit.operation.clone()).or_insert_with(|| {
-            settings::form(&edit.operation).unwrap_or(Form {
-                about: String::new(),
-                settings: Vec::new(),
-            })
-        });
+        let form = self.forms.entry(edit.operation.clone());
+        let form = form.or_insert_with(|| form_of(&edit));
         ui.heading(label_of(&self.tools, &edit));
         ui.label(RichText::new(&form.about).weak());
         let snapshot = open.engine.snapshot();
@@ -113,15 +133,7 @@ impl Studio {
             .or(own.as_ref());
         if let Some(picture) = beside {
             let name = tool.as_ref().map_or("", |tool| tool.beside_name());
-            let size = egui::vec2(ui.available_width(), BESIDE_HEIGHT);
-            let layers = Layers {
-                shown: Some(picture),
-                ..Layers::default()
-            };
-            ui.allocate_ui(size, |ui| {
-                ui.set_max_height(BESIDE_HEIGHT);
-                open.beside.ui_named(ui, &layers, name);
-            });
+            beside_ui(ui, &mut open.beside, picture, name);
         }
         let highlighted = self.highlighted.as_deref();
         let (gesture, change) = egui::ScrollArea::vertical()
@@ -140,21 +152,33 @@ impl Studio {
                 )
             })
             .inner;
-        if let Some(gesture) = gesture {
+        self.apply(ui, &edit, gesture, change);
+    }
+
+    /// Changes the document as a panel says, and saves it once the gesture has ended.
+    fn apply(&mut self, ui: &Ui, edit: &Edit, gesture: Option<Gesture>, change: Option<Change>) {
+        let Some(open) = self.open.get_mut(self.active) else {
+            return;
+        };
+        let goes_on = if let Some(gesture) = gesture {
             let name = format!("{} panel", edit.id);
             open.change(gesture.edit, &name, gesture.goes_on);
-            if !gesture.goes_on {
-                self.autosave();
-            }
+            gesture.goes_on
         } else if let Some(change) = change {
-            let gesture = format!("{} {}", edit.id, change.name);
-            let edit = edit.with_param(&change.name, change.value);
-            open.change(edit, &gesture, change.goes_on);
-            if !change.goes_on {
-                self.autosave();
-            }
+            let name = format!("{} {}", edit.id, change.name);
+            open.change(
+                edit.with_param(&change.name, change.value),
+                &name,
+                change.goes_on,
+            );
+            change.goes_on
         } else if open.history.in_gesture() && !ui.input(|input| input.pointer.any_down()) {
             open.history.end_gesture();
+            false
+        } else {
+            return;
+        };
+        if !goes_on {
             self.autosave();
         }
     }

@@ -4,7 +4,7 @@ use super::Studio;
 use crate::background::{Export, ExportState};
 use egui::{ProgressBar, Ui};
 
-/// What the hand has asked for.
+/// Request of the hand.
 enum Wish {
     Stop,
     Again,

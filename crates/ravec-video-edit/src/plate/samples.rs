@@ -42,7 +42,7 @@ pub struct PlateSamples {
     max_layers: usize,
     /// Number of frames, if it is known.
     total: Option<u64>,
-    /// Every so many frames are kept.
+    /// Distance of the frames that are kept.
     stride: u64,
     frames: u64,
     /// Pixels that strokes mark as foreground in some frame, and their colors in steps of 8 bits.

@@ -23,7 +23,7 @@ pub(super) struct Patch<'a, T: Sample> {
     pub pixels: &'a [Srgba<T>],
     /// True to paint over what is there, by alpha; false to replace it.
     pub over: bool,
-    /// What follows.
+    /// Disposal after the frame.
     pub dispose: Dispose,
 }
 

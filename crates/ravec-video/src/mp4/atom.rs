@@ -24,7 +24,7 @@ pub(super) fn text_of(kind: FourCc) -> String {
         .collect()
 }
 
-/// Where atoms of one kind and their content lie in `bytes`.
+/// Positions of atoms of one kind and of their content in `bytes`.
 pub(super) fn children(
     bytes: &[u8],
     within: Range<usize>,

@@ -150,7 +150,7 @@ fn read_tfhd(
     Some((own, base))
 }
 
-/// Where the samples of a fragment go on.
+/// Position at which the samples of a fragment go on.
 struct Run {
     decoded: i64,
     offset: u64,

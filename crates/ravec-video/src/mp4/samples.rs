@@ -68,7 +68,7 @@ impl Sample {
     }
 }
 
-/// Where the tables of a track lie.
+/// Positions of the tables of a track.
 #[derive(Debug, Clone, Default)]
 pub(super) struct SampleTables {
     durations: Range<usize>,

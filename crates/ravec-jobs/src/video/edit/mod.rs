@@ -204,7 +204,7 @@ struct Edit {
     track_path: Option<PathBuf>,
 }
 
-/// Where alpha of the frames comes from.
+/// Source of the alpha of frames.
 enum AlphaSource {
     /// A clip or a picture.
     File { masks: Exclusions, path: PathBuf },

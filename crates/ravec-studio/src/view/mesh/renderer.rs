@@ -11,13 +11,13 @@ use super::ShownMesh;
 use super::gpu::{Layer, MeshGpu};
 use super::look::{GHOST_ALPHA, Look, Wanted, ghost_params, marked_edges, paint, params};
 use super::pace::{FINE, Pace, Quality};
+use crate::worker::Worker;
 use egui::{Color32, ColorImage};
 use ravec::mesh::TriMesh;
 use ravec::mesh_render::gpu::GpuMesh;
 use ravec::mesh_render::{Legend, Paint, PreparedMesh, RenderError, Rendering};
 use ravec::progress::Progress;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Instant;
 
 /// Meshes of which the parts that do not depend on the view are kept.
@@ -87,7 +87,7 @@ impl Shared {
 /// Makes pictures on a thread of its own.
 pub(super) struct Renderer {
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
+    _worker: Worker,
 }
 
 impl Renderer {
@@ -99,11 +99,9 @@ impl Renderer {
             repaint,
         });
         let own = shared.clone();
-        let thread = std::thread::Builder::new().name("mesh renderer".to_owned());
         Self {
             shared,
-            // without a thread nothing is drawn, and the window still works
-            thread: thread.spawn(move || work(&own, gpu.as_ref())).ok(),
+            _worker: Worker::start("mesh renderer", move || work(&own, gpu.as_ref())),
         }
     }
 
@@ -207,10 +205,6 @@ impl Drop for Renderer {
         self.shared.state().quits = true;
         self.stop();
         self.shared.wake.notify_all();
-        if let Some(thread) = self.thread.take() {
-            // a panic of the thread was reported where it happened
-            let _ = thread.join();
-        }
     }
 }
 
