@@ -216,7 +216,7 @@ mod tests {
             units,
             start: Vec::new(),
         };
-        let mut covered = vec![false; 48];
+        let mut covered = [false; 48];
         for at in 0..48 {
             let (col, row) = (at % 8, at / 8);
             let side = sides[at % sides.len()].min(8 - col).min(6 - row);
