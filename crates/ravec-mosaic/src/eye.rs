@@ -16,6 +16,8 @@ pub(crate) use correlation::Correlation;
 
 use crate::descriptor::Descriptor;
 use crate::tiling::Tile;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x8};
 
 /// Half the width of the kernel in halves of a tile of common size. Beyond it the wider Gaussian has fallen below 2 % of its
 /// peak.
@@ -53,11 +55,15 @@ pub(crate) type Residual = [[f32; 3]; 4];
 /// The difference of mosaic and picture on a grid of cells.
 #[derive(Debug, Clone)]
 pub(crate) struct Eye {
+    simd: Level,
     stride: usize,
     kernels: Kernels,
-    /// Bordered by the reach in cells without difference on each side.
-    cells: Vec<[f32; 3]>,
+    /// For each channel, bordered by the reach in cells without difference on each side, and by [`LANES`] at the end.
+    cells: [Vec<f32>; 3],
 }
+
+/// Cells that are multiplied together.
+const LANES: usize = 8;
 
 /// The kernel as quarters of all sizes see it.
 #[derive(Debug, Clone)]
@@ -72,9 +78,13 @@ struct Kernels {
 /// its sums over squares of cells.
 #[derive(Debug, Clone)]
 struct Quarter {
+    /// Cells along a side.
+    side: usize,
     /// For each cell before, in and behind a quarter, as far as the kernels reach, the sums of the two kernels over the cells of
     /// the quarter along one axis.
     sums: Vec<[f32; SIGMAS.len()]>,
+    /// The same sums for each of the two kernels, [`LANES`] at a time, followed by zeros.
+    lanes: Vec<[[f32; LANES]; SIGMAS.len()]>,
     /// The energy of each mode of a tile whose square is 1, with all cells of the tile.
     energies: [f32; MODES],
 }
@@ -180,9 +190,11 @@ impl Eye {
     pub fn new(columns: usize, rows: usize, units: usize, largest: usize, strength: f64) -> Self {
         let kernels = Kernels::new(units, largest, strength);
         let stride = columns + 2 * kernels.reach;
+        let cells = stride * (rows + 2 * kernels.reach) + LANES;
         Self {
+            simd: Level::new(),
             stride,
-            cells: vec![[0.0; 3]; stride * (rows + 2 * kernels.reach)],
+            cells: [(); 3].map(|()| vec![0.0; cells]),
             kernels,
         }
     }
@@ -192,7 +204,10 @@ impl Eye {
         let reach = self.kernels.reach;
         for (index, value) in residual.iter().enumerate() {
             for (col, row) in tile.cells(index) {
-                self.cells[(row + reach) * self.stride + col + reach] = *value;
+                let at = (row + reach) * self.stride + col + reach;
+                for (cells, value) in self.cells.iter_mut().zip(value) {
+                    cells[at] = *value;
+                }
             }
         }
     }
@@ -201,24 +216,13 @@ impl Eye {
     pub fn lift(&mut self, tile: Footprint, wanted: Modes) -> Pull {
         self.put(tile, &[[0.0; 3]; 4]);
         let quarter = &self.kernels.quarters[tile.quarter - 1];
-        let around = quarter.sums.len();
+        let first = tile.row * self.stride + tile.col;
         let mut linear = [[0.0f32; 3]; 4];
-        for down in 0..around + tile.quarter {
-            let line =
-                &self.cells[(tile.row + down) * self.stride + tile.col..][..around + tile.quarter];
-            let across = [&line[..around], &line[tile.quarter..]].map(|line| quarter.across(line));
-            let halves = [Some(down), down.checked_sub(tile.quarter)];
-            for (half, down) in halves.into_iter().enumerate() {
-                let Some(weights) = down.and_then(|down| quarter.sums.get(down)) else {
-                    continue;
-                };
-                for (linear, across) in linear[2 * half..].iter_mut().zip(&across) {
-                    for (across, weight) in across.iter().zip(weights) {
-                        for (sum, value) in linear.iter_mut().zip(across) {
-                            *sum += weight * value;
-                        }
-                    }
-                }
+        for (channel, cells) in self.cells.iter().enumerate() {
+            let cells = &cells[first..];
+            let sums = dispatch!(self.simd, simd => quarter.correlate(simd, cells, self.stride));
+            for (linear, sum) in linear.iter_mut().zip(sums) {
+                linear[channel] = sum;
             }
         }
         Pull {
@@ -288,25 +292,57 @@ impl Quarter {
         for (mode, energies) in energies.chunks_exact_mut(3).enumerate() {
             energies.fill(energy(mode) as f32);
         }
+        let at = |at: usize| sums.each_ref().map(|sums| sums[at] as f32);
+        let lanes = |first: usize| {
+            sums.each_ref().map(|sums| {
+                let mut lanes = [0.0; LANES];
+                for (lane, sum) in lanes.iter_mut().zip(&sums[first..]) {
+                    *lane = *sum as f32;
+                }
+                lanes
+            })
+        };
+        let around = side + width - 1;
         Self {
-            sums: (0..side + width - 1)
-                .map(|at| sums.each_ref().map(|sums| sums[at] as f32))
-                .collect(),
+            side,
+            sums: (0..around).map(at).collect(),
+            lanes: (0..around).step_by(LANES).map(lanes).collect(),
             energies,
         }
     }
 
-    /// The sums of a line of cells, times each of the kernels.
-    fn across(&self, line: &[[f32; 3]]) -> [[f32; 3]; SIGMAS.len()] {
-        let mut result = [[0.0f32; 3]; SIGMAS.len()];
-        for (weights, cell) in self.sums.iter().zip(line) {
-            for (sums, weight) in result.iter_mut().zip(weights) {
-                for (sum, value) in sums.iter_mut().zip(cell) {
-                    *sum += weight * value;
+    /// The sums of the cells around a tile, times the kernel of each of its quarters. `cells` begin with the first one that reaches the
+    /// tile, and have `stride` in a row.
+    #[inline(always)]
+    fn correlate<S: Simd>(&self, simd: S, cells: &[f32], stride: usize) -> [f32; 4] {
+        let zero = f32x8::splat(simd, 0.0);
+        let mut sums = [zero; 4];
+        for down in 0..self.sums.len() + self.side {
+            for half in 0..2 {
+                let line = &cells[down * stride + half * self.side..];
+                let mut across = [zero; SIGMAS.len()];
+                for (cells, weights) in line.chunks_exact(LANES).zip(&self.lanes) {
+                    let cells = f32x8::from_slice(simd, cells);
+                    across[0] += f32x8::from_slice(simd, &weights[0]) * cells;
+                    across[1] += f32x8::from_slice(simd, &weights[1]) * cells;
+                }
+                if let Some(weights) = self.sums.get(down) {
+                    sums[half] += across[0] * weights[0] + across[1] * weights[1];
+                }
+                // the lower quarters begin further down
+                if let Some(weights) = self.sums.get(down.wrapping_sub(self.side)) {
+                    sums[2 + half] += across[0] * weights[0] + across[1] * weights[1];
                 }
             }
         }
-        result
+        let mut totals = [0.0; 4];
+        for (total, sums) in totals.iter_mut().zip(sums) {
+            let mut lanes = [0.0; LANES];
+            sums.store_slice(&mut lanes);
+            let [a, b, c, d, e, f, g, h] = lanes;
+            *total = ((a + e) + (c + g)) + ((b + f) + (d + h));
+        }
+        totals
     }
 }
 
@@ -349,9 +385,10 @@ mod tests {
             WEIGHT * strength * SIGMAS.map(of).iter().sum::<f64>() / (4 * units * units) as f64
         };
         let stride = eye.stride;
-        let shown: Vec<(i64, i64, [f32; 3])> = (0..eye.cells.len())
-            .filter(|&at| eye.cells[at] != [0.0; 3])
-            .map(|at| ((at % stride) as i64, (at / stride) as i64, eye.cells[at]))
+        let cell = |at: usize| eye.cells.each_ref().map(|cells| cells[at]);
+        let shown: Vec<(i64, i64, [f32; 3])> = (0..eye.cells[0].len())
+            .filter(|&at| cell(at) != [0.0; 3])
+            .map(|at| ((at % stride) as i64, (at / stride) as i64, cell(at)))
             .collect();
         let mut sum = 0.0;
         for (x, y, here) in &shown {

@@ -301,21 +301,31 @@ impl<'a> Mosaic<'a> {
         let wanted = Modes::of(&tile.descriptor.quarters);
         let pull = self.eye.lift(tile.footprint(1), wanted);
         let center = self.empty.center(tile);
-        let mut options: Vec<(f32, u32)> = near
-            .iter()
-            .map(|near| {
-                (
-                    self.energy(tile, near.photo, near.distance_sq, &pull),
-                    near.photo,
-                )
-            })
-            .collect();
-        options.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let is_less = |a: (f32, u32), b: (f32, u32)| {
+            let energies = a.0.total_cmp(&b.0);
+            energies.then(a.1.cmp(&b.1)).is_lt()
+        };
+        let (mut least, mut allowed) = (None, None);
+        let bound = pull.least();
+        for near in near {
+            // the nearest come first: from where the cost alone exceeds what the eye can make up for, none is better
+            let cost = tile_cost(tile, self.empty.units, near.distance_sq);
+            if allowed.is_some_and(|(energy, _)| cost + bound > energy) {
+                break;
+            }
+            let energy = cost + pull.energy(self.source.photos.modes(near.photo));
+            let option = (energy, near.photo);
+            if least.is_none_or(|least| is_less(option, least)) {
+                least = Some(option);
+            }
+            if allowed.is_none_or(|allowed| is_less(option, allowed))
+                && self.allows(near.photo, center)
+            {
+                allowed = Some(option);
+            }
+        }
         // where all photos near the tile repeat, the rules are left to the choice that comes after
-        let allowed = options
-            .iter()
-            .find(|(_, photo)| self.allows(*photo, center));
-        let (energy, photo) = *allowed.unwrap_or(&options[0]);
+        let (energy, photo) = allowed.or(least).expect("there are photos to choose from");
         let tile = tile.clone();
         self.insert(tile, photo);
         energy
