@@ -286,7 +286,7 @@ def brush(
     :param color: red, green and blue for ``color`` and ``recolor``, 0 to 255
     :param amount: change of the saturation, -1 to 4
     :param offset: columns and rows from each pixel to the one that ``clone`` copies
-    :param undo: leave out the last strokes, so many of them
+    :param undo: number of the last strokes that are left out
     """
     import json
 

@@ -61,7 +61,7 @@ pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
     let mut split = Draft::default();
     let mut stack = Vec::new();
     for (triangle, mut parent) in triangles.into_iter().zip(parents) {
-        // whoever has a corner at a place where vertices became one may have been moved
+        // triangles with a corner at a place where vertices became one may have been moved
         let is_met = |v: u32| ends_of.values().any(|&end| end == positions[v as usize]);
         parent.whole &= ends_of.is_empty() || !triangle.iter().any(|&v| is_met(v));
         stack.push((triangle, parent));

@@ -301,7 +301,7 @@ impl<'a> Division<'a> {
                 }
             }
         }
-        // giving back so many lists takes a while, too
+        // freeing the lists takes a while, too
         let lists = self
             .at_edge
             .into_values()

@@ -402,7 +402,7 @@ mod tests {
             .flat_map(|(a, b)| [0, 1, 2].map(|c| (f64::from(a.0[c]) - f64::from(b.0[c])).powi(2)));
         let count = 3.0 * quiet.size().pixels() as f64;
         let sigma = (squares.sum::<f64>() / count).sqrt();
-        // five standard errors of a deviation from so many samples; rounding adds 1/12 to the variance
+        // five standard errors of a deviation from this many samples; rounding adds 1/12 to the variance
         let expected = (25.0f64 + 1.0 / 12.0).sqrt();
         assert!(
             (sigma - expected).abs() < 5.0 * expected / (2.0 * count).sqrt(),

@@ -351,7 +351,7 @@ mod tests {
                 TriTri::CoplanarOverlap | TriTri::Same => prop_assert_eq!(found, Some(Contact::Coplanar)),
                 TriTri::Crossing | TriTri::Touch => prop_assert!(found.is_some()),
             }
-            // the same whoever comes first
+            // the same in any order
             prop_assert_eq!(found.is_some(), met(&soup, 1, 0).is_some());
         }
     }

@@ -174,7 +174,7 @@ impl Database {
                 Ok(value)
             });
             if done.is_err() && !self.connection.is_autocommit() {
-                // what cannot be taken back now is taken back by whoever opens the file next
+                // what cannot be taken back now is taken back when the file is opened next
                 let _ = self.connection.execute_batch("ROLLBACK");
             }
             done
@@ -210,7 +210,7 @@ fn take_back(path: &Path, trouble: Trouble, progress: &Progress) -> Result<(), T
     if !trouble.is_unfinished_change() {
         return Err(trouble);
     }
-    // whoever reads with the permission to write does it on the way
+    // a reader with the permission to write does it on the way
     once_free(progress, || is_blank(&connect(path, Access::Change)?)).map(drop)
 }
 

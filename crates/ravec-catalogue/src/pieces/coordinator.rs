@@ -49,7 +49,7 @@ pub(crate) struct ClusterTasks<'t> {
     next_part: u64,
     /// Number of indices so far.
     indices: u64,
-    /// Answers that nobody has asked for yet, by part.
+    /// Answers that are not asked for yet, by part.
     answers: HashMap<u64, Answer>,
 }
 

@@ -35,7 +35,7 @@ pub(super) fn rounded(
                 self_intersections: true,
                 list_limit: 0,
             };
-            // vertices that have become equal are one for whoever reads the file
+            // vertices that have become equal are one for readers of the file
             Some(check(&weld(&rounded, 0.0).mesh, &full, progress)?)
         }
         _ => None,

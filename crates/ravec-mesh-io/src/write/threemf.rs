@@ -125,7 +125,7 @@ fn write_entries<W: Write + Seek>(
     muted: &Muted<'_>,
     archive: &mut ZipWriter<W>,
 ) -> Result<(), WriteMeshError> {
-    // An archive entry above 4 GiB has to be announced as such: at most so many bytes are a vertex and a triangle.
+    // An archive entry above 4 GiB has to be announced as such: a vertex and a triangle take at most this many bytes.
     let most = 130 * mesh.vertex_count() as u64 + 80 * mesh.triangle_count() as u64;
     let entry = SimpleFileOptions::default()
         .compression_method(CompressionMethod::Deflated)
