@@ -335,7 +335,7 @@ pub(crate) fn compose(
                 workers,
                 progress,
             );
-            Ok(Strips::Here(painter, plan.strip_px))
+            Ok(Strips::Here(painter))
         };
         let strips = match &mut tasks {
             _ if params.preview_px.is_some() => painted(Source::Thumbnails),
@@ -350,7 +350,7 @@ pub(crate) fn compose(
             .collect();
         let written = strips.and_then(|strips| {
             let quality = params.quality;
-            write(sink, layout.size, &named, strips, quality, progress)
+            write(sink, size, &named, strips, quality, progress)
         });
         let broken = match written {
             Ok(kept) => {
@@ -381,21 +381,13 @@ pub(crate) fn compose(
 
 /// Strips of the mosaic, which come from the top.
 enum Strips<'a, 't> {
-    /// Painted by this process, with their height.
-    Here(Painter<'a>, usize),
+    /// Painted by this process.
+    Here(Painter<'a>),
     /// Painted by a cluster.
     Cluster(PaintedStrips<'a, 't>),
 }
 
 impl Strips<'_, '_> {
-    /// Rows of a strip, but the last.
-    fn strip_px(&self) -> usize {
-        match self {
-            Self::Here(_, strip_px) => *strip_px,
-            Self::Cluster(strips) => strips.strip_px(),
-        }
-    }
-
     fn rows(
         &mut self,
         rows: &Range<usize>,
@@ -403,7 +395,7 @@ impl Strips<'_, '_> {
         progress: &Progress,
     ) -> Result<(), Unpainted> {
         match self {
-            Self::Here(painter, _) => painter.rows(rows, pixels),
+            Self::Here(painter) => painter.rows(rows, pixels),
             Self::Cluster(strips) => strips.rows(rows, pixels, progress),
         }
     }
@@ -482,7 +474,7 @@ fn replaced(broken: &[(u32, String)], photos: &[Candidate]) -> Vec<String> {
 /// Paints the mosaic into all outputs at once. Returns a folder that is kept, with what was put into a page that was replaced.
 fn write(
     sink: &mut Sink<'_>,
-    size: Size,
+    (size, strip_px): (Size, usize),
     photos: &[(&Path, Rect)],
     mut strips: Strips<'_, '_>,
     quality: u8,
@@ -493,7 +485,6 @@ fn write(
         // a second attempt begins anew
         all.clear();
     }
-    let strip_px = strips.strip_px();
     let phase = progress.phase("write", size.height().div_ceil(strip_px) as u64);
     let mut zoom = match outputs.deep_zoom {
         Some(folder) => Some(DeepZoom::new(folder, size, quality)?),

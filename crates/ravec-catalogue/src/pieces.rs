@@ -10,8 +10,8 @@
 //! Guarantees: the same mosaic as without a cluster, as far as each worker has the memory for each photo: one that takes more than a
 //! worker has is replaced by another, as one that takes more than the budget is without a cluster. Lost parts are recomputed.
 //!
-//! Memory: of a worker, the photos that are scaled at once, or a strip of at most 16 MiB, or of one row if that is more, beside the
-//! index and 16 MiB of parts. Strips wait in the store, 128 at most.
+//! Memory: of a worker, the photos that are scaled at once, or some painted rows: at most 16 MiB, or one row if that is more, beside
+//! the index and 16 MiB of parts. At most 128 parts with painted rows wait in the store.
 
 mod coordinator;
 mod parts;

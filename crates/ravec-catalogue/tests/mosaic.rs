@@ -477,20 +477,34 @@ fn mosaics_in_pieces_are_the_same_with_lost_parts() {
         lost: Arc::clone(&lost),
     };
     let cluster = Cluster::new(store, Box::new(executor));
-    let [alone, together] = ["alone.png", "together.png"].map(|name| folder.path().join(name));
-    let to = |path| Outputs {
-        picture: Some(path),
-        deep_zoom: None,
-    };
     let (limits, none, picture) = (Limits::default(), Progress::none(), picture());
-    let expected = mosaic(&catalogue, &picture, &to(&alone), &asked, &limits, &none).unwrap();
-    let outputs = to(&together);
-    let made = mosaic_in_pieces(
-        &catalogue, &picture, &outputs, &asked, &limits, &cluster, &none,
-    );
-    assert_eq!(made.unwrap(), expected);
-    assert!(!expected.warnings.is_empty());
-    assert!(std::fs::read(&together).unwrap() == std::fs::read(&alone).unwrap());
+    // rows of tiles of 22 MB are painted in two parts, and are one strip of the TIFF file
+    let large = params(10, 2, (1000, 750), Crop::Center);
+    for (asked, name) in [(&asked, "png"), (&large, "tif")] {
+        let [alone, together] =
+            ["alone", "together"].map(|of| folder.path().join(of).with_extension(name));
+        let [to_alone, to_together] = [&alone, &together].map(|path| Outputs {
+            picture: Some(path),
+            deep_zoom: None,
+        });
+        let expected = mosaic(&catalogue, &picture, &to_alone, asked, &limits, &none).unwrap();
+        // the store of a work begins without parts
+        for part in std::fs::read_dir(parts.path()).unwrap() {
+            std::fs::remove_file(part.unwrap().path()).unwrap();
+        }
+        let made = mosaic_in_pieces(
+            &catalogue,
+            &picture,
+            &to_together,
+            asked,
+            &limits,
+            &cluster,
+            &none,
+        );
+        assert_eq!(made.unwrap(), expected);
+        assert!(!expected.warnings.is_empty());
+        assert!(std::fs::read(&together).unwrap() == std::fs::read(&alone).unwrap());
+    }
     assert!(lost.load(Ordering::Relaxed) > 2);
     let worker = MosaicWorker::new(Arc::clone(cluster.store()), MemoryBudget::default());
     for bytes in [&[][..], &[255; 30]] {

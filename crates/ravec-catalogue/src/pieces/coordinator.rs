@@ -9,7 +9,7 @@ use ravec_mosaic::{Crop, Near, Photos, TileSearch};
 use ravec_pieces::{Cluster, from_bytes, to_bytes};
 use ravec_progress::{Cancelled, Progress};
 use ravec_raster::{Rect, Size, Srgb};
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::io::{Error, ErrorKind};
 use std::ops::Range;
 
@@ -19,11 +19,11 @@ const PHOTOS_IN_PIECE: usize = 64;
 /// Tiles in a piece.
 const TILES_IN_PIECE: usize = 1000;
 
-/// Maximum size of a strip, in bytes, unless a row has more.
-const MAX_STRIP_BYTES: usize = 16 << 20;
+/// Maximum size of a painted part of a strip, in bytes, unless a row has more.
+const MAX_PAINTED_BYTES: usize = 16 << 20;
 
-/// Maximum number of strips that are painted before the first of them is written.
-const MAX_STRIPS_AHEAD: usize = 128;
+/// Maximum number of parts of strips that are painted before the first of them is written.
+const MAX_PARTS_AHEAD: usize = 128;
 
 /// Attempts to run a piece or to read its part before the store counts as unreliable.
 const MAX_ATTEMPTS: usize = 4;
@@ -153,10 +153,10 @@ impl<'t> ClusterTasks<'t> {
         Ok(())
     }
 
-    /// Strips of a mosaic of `size`, which workers paint from the photos that they have scaled.
+    /// Strips of `strip_px` rows of a mosaic of `size`, which workers paint from the photos that they have scaled.
     ///
-    /// `strip_px` is the height of strips without a cluster: if photos cannot be read, those of the first such strip are the error,
-    /// so that others take their place in the same order.
+    /// If photos cannot be read, those of the first such strip are the error, as without a cluster, so that others take their place in
+    /// the same order.
     pub fn strips(
         &mut self,
         photos: &[Candidate],
@@ -192,21 +192,28 @@ impl<'t> ClusterTasks<'t> {
             broken.dedup_by_key(|(photo, _)| *photo);
             return Err(Unpainted::Photos(broken));
         }
-        let strip_px = strip_px.min((MAX_STRIP_BYTES / (3 * size.width())).max(1));
-        let mut tiles = vec![Vec::new(); size.height().div_ceil(strip_px)];
+        let part_px = (MAX_PAINTED_BYTES / (3 * size.width())).clamp(1, strip_px);
+        let parts_per_strip = strip_px.div_ceil(part_px);
+        let mut parts: Vec<(Range<usize>, Vec<Scaled>)> = (0..size.height())
+            .step_by(strip_px)
+            .flat_map(|strip| {
+                let end = (strip + strip_px).min(size.height());
+                let part = move |first: usize| (first..(first + part_px).min(end), Vec::new());
+                (strip..end).step_by(part_px).map(part)
+            })
+            .collect();
         for tile in scaled {
             let (top, height) = (tile.origin[1] as usize, tile.size[1] as usize);
-            for strip in &mut tiles[top / strip_px..(top + height).div_ceil(strip_px)] {
-                strip.push(tile.clone());
+            let part_of = |row: usize| row / strip_px * parts_per_strip + row % strip_px / part_px;
+            for (_, tiles) in &mut parts[part_of(top)..=part_of(top + height - 1)] {
+                tiles.push(tile.clone());
             }
         }
         Ok(PaintedStrips {
-            first_part: self.next_part,
+            width: size.width(),
+            parts: parts.into_iter(),
+            pending: VecDeque::new(),
             tasks: self,
-            size,
-            strip_px,
-            tiles: tiles.into_iter(),
-            submitted: 0,
         })
     }
 
@@ -309,24 +316,17 @@ impl<'t> ClusterTasks<'t> {
     }
 }
 
-/// Strips of a mosaic, which come from the top.
+/// Strips of a mosaic, which come from the top. Workers paint parts of them, which are strips of their own unless they are large.
 pub(crate) struct PaintedStrips<'a, 't> {
     tasks: &'a mut ClusterTasks<'t>,
-    size: Size,
-    strip_px: usize,
-    /// The tiles of each strip that is not submitted yet.
-    tiles: std::vec::IntoIter<Vec<Scaled>>,
-    submitted: usize,
-    /// Number of the part of the first strip. Others follow, as long as only strips are submitted.
-    first_part: u64,
+    width: usize,
+    /// Rows and tiles of the parts that are not submitted yet.
+    parts: std::vec::IntoIter<(Range<usize>, Vec<Scaled>)>,
+    /// Rows of the parts that are submitted, and their numbers in the store.
+    pending: VecDeque<(Range<usize>, u64)>,
 }
 
 impl PaintedStrips<'_, '_> {
-    /// Rows of a strip, but the last.
-    pub fn strip_px(&self) -> usize {
-        self.strip_px
-    }
-
     /// The pixels of the strip with these rows, each of which is asked for once, from the top.
     pub fn rows(
         &mut self,
@@ -334,27 +334,30 @@ impl PaintedStrips<'_, '_> {
         pixels: &mut [Srgb<u8>],
         progress: &Progress,
     ) -> Result<(), Unpainted> {
-        let strip = rows.start / self.strip_px;
-        while self.submitted <= strip + MAX_STRIPS_AHEAD {
-            let Some(tiles) = self.tiles.next() else {
-                break;
-            };
-            let first = self.submitted * self.strip_px;
-            let last = (first + self.strip_px).min(self.size.height());
-            self.tasks.submit(Work::Paint {
-                width: self.size.width() as u32,
-                rows: first as u32..last as u32,
-                tiles,
-            })?;
-            self.submitted += 1;
+        let mut painted = rows.start;
+        while painted < rows.end {
+            while self.pending.len() < MAX_PARTS_AHEAD
+                && let Some((rows, tiles)) = self.parts.next()
+            {
+                let part = self.tasks.submit(Work::Paint {
+                    width: self.width as u32,
+                    rows: rows.start as u32..rows.end as u32,
+                    tiles,
+                })?;
+                self.pending.push_back((rows, part));
+            }
+            let next = self.pending.pop_front();
+            let (of_part, part) = next.ok_or_else(|| failed(damaged()))?;
+            self.tasks.answer(part, progress)?;
+            let bytes = self.tasks.take(part, progress)?;
+            let first = (of_part.start - rows.start) * self.width;
+            let pixels = &mut pixels[first..][..of_part.len() * self.width];
+            if bytes.len() != size_of_val(pixels) {
+                return Err(failed(damaged()));
+            }
+            bytemuck::cast_slice_mut(pixels).copy_from_slice(&bytes);
+            painted = of_part.end;
         }
-        let part = self.first_part + strip as u64;
-        self.tasks.answer(part, progress)?;
-        let bytes = self.tasks.take(part, progress)?;
-        if bytes.len() != size_of_val(pixels) {
-            return Err(failed(damaged()));
-        }
-        bytemuck::cast_slice_mut(pixels).copy_from_slice(&bytes);
         Ok(())
     }
 }
