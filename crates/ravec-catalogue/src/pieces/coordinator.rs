@@ -279,7 +279,7 @@ impl<'t> ClusterTasks<'t> {
         Err(failed(Error::new(ErrorKind::NotFound, reason)))
     }
 
-    /// Recomputes the parts that are still lost.
+    /// Recomputes the parts that are still lost; fails if their photos can no longer be read.
     fn recompute(&mut self, mut parts: Vec<u64>, progress: &Progress) -> Result<(), Unpainted> {
         let store = self.cluster.store();
         // they may have been recomputed for another piece since
@@ -291,7 +291,18 @@ impl<'t> ClusterTasks<'t> {
             self.submit_again(part)?;
         }
         for part in parts {
-            self.answer(part, progress)?;
+            let flaws = self.answer(part, progress)?;
+            if let Some(Work::Scale { photos, .. }) = self.works.get(&part) {
+                // photos lie one after the other: a part without one of them has others elsewhere
+                let is_known = |(photo, flaw): (&Wanted, &Option<String>)| {
+                    let known = self.places.get(photo);
+                    known.is_none_or(|known| known.is_ok() == flaw.is_none())
+                };
+                if !photos.iter().zip(&flaws).all(is_known) {
+                    let reason = "photos have changed while the mosaic was made: start again";
+                    return Err(failed(Error::new(ErrorKind::InvalidData, reason)));
+                }
+            }
         }
         Ok(())
     }
