@@ -199,6 +199,14 @@ impl Layout {
         (image.convert(), frame)
     }
 
+    /// Photos with the rectangles of their tiles, in pixels.
+    pub fn places(&self, tiling: &Tiling, photos: &[u32]) -> Vec<(u32, Rect)> {
+        let tiles = tiling.tiles.iter().zip(photos);
+        tiles
+            .map(|(tile, &photo)| (photo, self.place(tiling, tile)))
+            .collect()
+    }
+
     /// Rectangle of a tile in the mosaic, in pixels.
     pub fn place(&self, tiling: &Tiling, tile: &Tile) -> Rect {
         let at = |units: usize, side: usize| units * side / tiling.units;

@@ -318,12 +318,7 @@ pub(crate) fn compose(
         };
         let choice = choose_found(tiling, &library, rules, by_hand, choose, found, progress)
             .map_err(|error| of_tile(error, tiling))?;
-        let places: Vec<(u32, Rect)> = tiling
-            .tiles
-            .iter()
-            .zip(&choice.photos)
-            .map(|(tile, &photo)| (photo, layout.place(tiling, tile)))
-            .collect();
+        let places = layout.places(tiling, &choice.photos);
         let size = (layout.size, plan.strip_px);
         let painted = |source| {
             let painter = Painter::new(
@@ -344,13 +339,9 @@ pub(crate) fn compose(
                 .scale(&set.photos, &places, progress)
                 .and_then(|()| Ok(Strips::Cluster(work.strips(&set.photos, &places, size)?))),
         };
-        let named: Vec<(&Path, Rect)> = places
-            .iter()
-            .map(|&(photo, place)| (set.photos[photo as usize].entry.path.as_path(), place))
-            .collect();
         let written = strips.and_then(|strips| {
-            let quality = params.quality;
-            write(sink, size, &named, strips, quality, progress)
+            let named = with_paths(&places, &set.photos);
+            write(sink, size, &named, strips, params.quality, progress)
         });
         let broken = match written {
             Ok(kept) => {
@@ -377,6 +368,12 @@ pub(crate) fn compose(
         let gone: HashSet<u32> = broken.iter().map(|(photo, _)| *photo).collect();
         set.remove(&gone, progress)?;
     }
+}
+
+/// Photos in tiles by their paths.
+fn with_paths<'a>(places: &[(u32, Rect)], photos: &'a [Candidate]) -> Vec<(&'a Path, Rect)> {
+    let named = |&(photo, place): &(u32, Rect)| (&*photos[photo as usize].entry.path, place);
+    places.iter().map(named).collect()
 }
 
 /// Strips of the mosaic, which come from the top.

@@ -325,7 +325,7 @@ impl<'a> Mosaic<'a> {
             }
         }
         // where all photos near the tile repeat, the rules are left to the choice that comes after
-        let (energy, photo) = allowed.or(least).expect("there are photos to choose from");
+        let (energy, photo) = allowed.or(least).expect("not all photos are banned");
         let tile = tile.clone();
         self.insert(tile, photo);
         energy
