@@ -3,13 +3,15 @@
 
 use crate::analyses::AnalysisView;
 use crate::document::{Document, Edit};
-use crate::engine::{FrameChain, RunError, ShotEdit, files_key, lock, source_key};
-use ravec::raster::Size;
+use crate::engine::{FrameStream, RunError, ShotEdit, files_key, input_rate, lock, source_key};
+use ravec::progress::Progress;
+use ravec::raster::{AnyImage, Size};
 use ravec::retarget::Deformation;
-use ravec_jobs::retarget::ClipStream;
-use ravec_jobs::video::FrameRange;
+use ravec::retarget::clip::Settled;
+use ravec_jobs::retarget::{ClipStream, Retarget};
 use ravec_jobs::{Context, JobError, Report, Step};
-use ravec_video::{Clip, FrameSource as _, OpenOptions, Rational, VideoLimits};
+use ravec_media::Picture;
+use ravec_video::{Clip, FrameSource as _, OpenOptions, VideoLimits};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
@@ -23,13 +25,11 @@ const MAX_FRAMES: usize = 20_000;
 pub(crate) struct ClipForms {
     /// Text that changes with the deformations.
     pub key: Arc<str>,
-    settled: Mutex<Settled>,
+    settled: Mutex<Forms>,
 }
 
 #[derive(Default)]
-struct Settled {
-    /// Number of the first frame.
-    first: u64,
+struct Forms {
     deformations: Vec<Arc<Deformation>>,
     is_complete: bool,
 }
@@ -43,11 +43,10 @@ impl ClipForms {
         }
     }
 
-    /// The deformation of a frame of the clip, once it is settled.
+    /// The deformation of a frame of the input of the edit, once it is settled.
     pub fn of(&self, frame: u64) -> Option<Arc<Deformation>> {
-        let settled = lock(&self.settled);
-        let index = frame.checked_sub(settled.first)?;
-        settled.deformations.get(index as usize).cloned()
+        let frame = usize::try_from(frame).ok()?;
+        lock(&self.settled).deformations.get(frame).cloned()
     }
 
     /// True once all frames are settled.
@@ -104,65 +103,87 @@ pub(crate) fn find(
     let Step::Retarget(operation) = step.map_err(RunError::Edit)? else {
         return Err(RunError::Edit("this edit does not retarget".to_owned()));
     };
-    let range = range_before(edit, document).map_err(RunError::Edit)?;
-    let mut clip = open(&document.source, context).map_err(RunError::Job)?;
+    let mut clip = open(document, context).map_err(RunError::Job)?;
     let info = clip.info().clone();
-    let ticks = info.time_base.to_f64();
-    let progress = context.progress.silent();
     let phase = (context.progress).phase("frames", info.frames.unwrap_or(1));
-    let mut chain = FrameChain::new(edit.id, document, analyses);
-    let mut stream: Option<ClipStream> = None;
-    let mut origin = None;
-    let read_error = |cause| {
-        RunError::Job(JobError::ReadClip {
-            path: document.source.clone(),
-            cause,
-        })
+    let progress = context.progress.silent();
+    let mut before = FrameStream::new(edit.id, document, analyses, &info);
+    let mut retargeting = Retargeting {
+        operation: &operation,
+        rate: before.rate(),
+        stream: None,
+        progress: &progress,
+        context,
     };
-    for number in 0.. {
-        context
-            .progress
-            .check()
-            .map_err(|_| RunError::Job(JobError::Cancelled))?;
-        let Some(frame) = clip.next_frame().map_err(read_error)? else {
+    let mut settle = |frames: Vec<Arc<Picture>>| {
+        for picture in frames {
+            let settled = retargeting.push(Arc::unwrap_or_clone(picture).image)?;
+            if !settled.is_empty() {
+                forms.extend(settled);
+                on_settled();
+            }
+        }
+        Ok(())
+    };
+    while !before.has_ended() && !forms.is_full() {
+        let cancelled = |_| RunError::Job(JobError::Cancelled);
+        progress.check().map_err(cancelled)?;
+        let frame = clip.next_frame().map_err(|cause| {
+            RunError::Job(JobError::ReadClip {
+                path: document.source.clone(),
+                cause,
+            })
+        })?;
+        let Some(frame) = frame else {
             break;
         };
         phase.advance(1);
-        let start = frame.time.start;
-        let seconds = (start - *origin.get_or_insert(start)) as f64 * ticks;
-        if range.is_before(number, seconds) {
-            continue;
-        }
-        if range.is_behind(number, seconds) || forms.is_full() {
-            break;
-        }
-        let image = chain.result(number, frame.picture.into_image(), &progress)?;
-        let stream = if let Some(stream) = &mut stream {
-            stream
-        } else {
-            let rate = info.rate.map(Rational::to_f64);
-            let size = image.size();
-            check_memory(operation.params.look_ahead, rate, size).map_err(RunError::Edit)?;
-            lock(&forms.settled).first = number;
-            let mut report = Report::new("preview", &());
-            let opened = ClipStream::open(&operation, size, rate, &mut report, context);
-            stream.insert(opened.map_err(RunError::Job)?)
-        };
-        let settled = stream.push(image, &progress).map_err(RunError::Job)?;
-        if !settled.is_empty() {
-            forms.extend(settled);
-            on_settled();
-        }
+        let image = frame.picture.into_image();
+        settle(before.push(frame.time, image, &progress)?)?;
     }
-    if let Some(mut stream) = stream {
-        forms.extend(stream.finish(&progress).map_err(RunError::Job)?);
-    }
+    settle(before.finish(&progress)?)?;
+    forms.extend(retargeting.finish()?);
     lock(&forms.settled).is_complete = true;
     Ok(())
 }
 
+/// The retargeting of a clip, opened by its first frame.
+struct Retargeting<'a> {
+    operation: &'a Retarget,
+    rate: Option<f64>,
+    stream: Option<ClipStream>,
+    progress: &'a Progress,
+    context: &'a Context,
+}
+
+impl Retargeting<'_> {
+    fn push(&mut self, image: AnyImage) -> Result<Vec<Settled>, RunError> {
+        let stream = if let Some(stream) = &mut self.stream {
+            stream
+        } else {
+            let size = image.size();
+            check_memory(self.operation.params.look_ahead, self.rate, size)
+                .map_err(RunError::Edit)?;
+            let mut report = Report::new("preview", &());
+            let opened =
+                ClipStream::open(self.operation, size, self.rate, &mut report, self.context);
+            self.stream.insert(opened.map_err(RunError::Job)?)
+        };
+        let settled = stream.push(image, self.progress);
+        settled.map_err(RunError::Job)
+    }
+
+    fn finish(&mut self) -> Result<Vec<Settled>, RunError> {
+        let settled = match &mut self.stream {
+            Some(stream) => stream.finish(self.progress),
+            None => Ok(Vec::new()),
+        };
+        settled.map_err(RunError::Job)
+    }
+}
+
 impl ClipForms {
-    fn extend(&self, frames: Vec<ravec::retarget::clip::Settled>) {
+    fn extend(&self, frames: Vec<Settled>) {
         let deformations = frames
             .into_iter()
             .filter_map(|frame| frame.deformations.into_iter().next().map(Arc::new));
@@ -172,28 +193,6 @@ impl ClipForms {
     fn is_full(&self) -> bool {
         lock(&self.settled).deformations.len() >= MAX_FRAMES
     }
-}
-
-/// The frames that edits of whole clips before an edit leave.
-fn range_before(edit: &Edit, document: &Document) -> Result<FrameRange, String> {
-    let mut range = FrameRange::default();
-    for (nth, before) in document
-        .links_before(edit.id)
-        .filter(|before| before.is_of_whole_clips())
-        .enumerate()
-    {
-        let changes = |name| !before.param(name).is_null();
-        if nth > 0 || ["size", "rate", "input_rate"].into_iter().any(changes) {
-            return Err(
-                "frames are shown as still pictures: move the edit before the one that changes the size or the rate"
-                    .to_owned(),
-            );
-        }
-        if let Some(text) = before.param("frames").as_str() {
-            range = text.parse()?;
-        }
-    }
-    Ok(range)
 }
 
 /// Refuses clips of which more frames would wait than memory should be taken for.
@@ -209,16 +208,17 @@ fn check_memory(look_ahead: f64, rate: Option<f64>, size: Size) -> Result<(), St
     Ok(())
 }
 
-fn open(path: &Path, context: &Context) -> Result<Clip, JobError> {
+/// The clip of a document, at the rate that its first edit gives it.
+fn open(document: &Document, context: &Context) -> Result<Clip, JobError> {
     let options = OpenOptions {
-        rate: None,
+        rate: input_rate(document),
         limits: VideoLimits {
             pictures: context.limits.clone(),
             max_frames: context.max_frames,
         },
     };
-    Clip::open(path, &options).map_err(|cause| JobError::ReadClip {
-        path: path.to_path_buf(),
+    Clip::open(&document.source, &options).map_err(|cause| JobError::ReadClip {
+        path: document.source.clone(),
         cause,
     })
 }

@@ -104,9 +104,14 @@ impl Edit {
         edit.with_param("encoding", Value::Null)
     }
 
-    /// True for an operation on a whole clip that leaves its frames as they are.
-    pub fn is_of_whole_clips(&self) -> bool {
+    /// True for a conversion of a clip: a range of its frames, in another size or rate.
+    pub fn is_conversion(&self) -> bool {
         self.operation == "video convert"
+    }
+
+    /// True for a conversion that leaves the pixels of frames as they are.
+    pub fn keeps_pixels(&self) -> bool {
+        self.is_conversion() && self.param("size").is_null()
     }
 
     /// True for an operation that looks at its input and changes nothing, such as `track`: its output is a file of its own, or an
@@ -326,11 +331,6 @@ impl Document {
     pub fn links_before(&self, id: EditId) -> impl Iterator<Item = &Arc<Edit>> {
         let before = self.edits.iter().take_while(move |edit| edit.id != id);
         before.filter(|edit| edit.enabled && !edit.is_analysis())
-    }
-
-    /// The edits that change the picture or the mesh that is shown.
-    pub fn shown_links(&self) -> impl Iterator<Item = &Arc<Edit>> {
-        self.links().filter(|edit| !edit.is_of_whole_clips())
     }
 
     /// The edits that are not passed over.

@@ -8,6 +8,7 @@
 
 mod cache;
 mod evaluate;
+mod frames;
 mod shot;
 
 use crate::analyses::AnalysisView;
@@ -21,6 +22,7 @@ use cache::Cache;
 use evaluate::{Evaluated, evaluate};
 use ravec::progress::{Progress, Update};
 use ravec_jobs::Report;
+use ravec_jobs::video::FramePlace;
 use ravec_media::Picture;
 use shot::OpenShots;
 use std::collections::HashMap;
@@ -51,8 +53,8 @@ pub struct Busy {
 /// A frame of a clip as the source of a request.
 #[derive(Debug, Clone)]
 pub struct SourceFrame {
-    /// Number of the frame.
-    pub number: u64,
+    /// Its number and time.
+    pub place: FramePlace,
     /// Its picture.
     pub picture: Arc<Picture>,
 }
@@ -60,7 +62,7 @@ pub struct SourceFrame {
 impl PartialEq for SourceFrame {
     /// Frames of one clip are equal if their numbers are.
     fn eq(&self, other: &Self) -> bool {
-        self.number == other.number
+        self.place.number == other.place.number
     }
 }
 
@@ -161,7 +163,7 @@ impl State {
         if of.document.source != request.document.source || of.frame != request.frame {
             return None;
         }
-        let (mut done, mut wanted) = (of.document.shown_links(), request.document.shown_links());
+        let (mut done, mut wanted) = (of.document.links(), request.document.links());
         loop {
             let (done, wanted) = (done.next(), wanted.next()?);
             let input = match done {
@@ -373,7 +375,8 @@ fn work(shared: &Arc<Shared>) {
 }
 
 pub(crate) use cache::source_key;
-pub(crate) use evaluate::{FrameChain, RunError, files_key, run_in_memory};
+pub(crate) use evaluate::{RunError, files_key, run_in_memory};
+pub(crate) use frames::{FrameStream, input_rate};
 pub(crate) use shot::ShotEdit;
 
 /// The value behind a lock, also after a panic of another thread.

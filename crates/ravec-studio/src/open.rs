@@ -169,8 +169,8 @@ impl Open {
         }
         let frame = match &self.clip {
             None => None,
-            Some(clip) => match clip.reader.shown() {
-                Some((number, _, picture)) => Some(SourceFrame { number, picture }),
+            Some(clip) => match clip.reader.frame() {
+                Some((place, picture)) => Some(SourceFrame { place, picture }),
                 // nothing to compute before the first frame
                 None => return,
             },

@@ -253,6 +253,46 @@ fn frames_of_a_retargeted_clip_are_those_of_the_export() {
 }
 
 #[test]
+fn frames_behind_another_range_size_and_rate_are_those_of_the_export() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, mut harness) = meadow(folder.path());
+    let whole = shown(&harness).size();
+    click(&mut harness, "Trim and encode");
+    enter(&mut harness, "Frames", "2..11");
+    enter(&mut harness, "Size", "75%");
+    click(&mut harness, "Retarget");
+    click(&mut harness, "4:5");
+    for (rate, count, places) in [
+        ("", 9, [(2, 0), (7, 5), (10, 8)]),
+        ("12.5", 5, [(2, 0), (6, 2), (10, 4)]),
+        ("50", 18, [(2, 0), (7, 10), (10, 16)]),
+    ] {
+        select(&mut harness, "Trim and encode");
+        enter(&mut harness, "Rate", rate);
+        select(&mut harness, "Retarget");
+        assert!(
+            harness
+                .query_by_label("Frames are those of the exported clip")
+                .is_some()
+        );
+        let output = folder.path().join(format!("at{rate}"));
+        std::fs::create_dir(&output).unwrap();
+        let truth = frames_of_the_recipe(&harness, &output);
+        assert_eq!(truth.len(), count, "{rate} a second");
+        for (frame, index) in places {
+            go_to(&mut harness, frame);
+            let wrong = difference(&shown(&harness), &truth[index]);
+            assert!(wrong <= 1, "{rate} a second: {wrong} in frame {frame}");
+        }
+        // frames out of the range are not retargeted
+        go_to(&mut harness, 0);
+        let size = shown(&harness).size();
+        assert_eq!(4 * size.width(), 3 * whole.width());
+        assert_eq!(4 * size.height(), 3 * whole.height());
+    }
+}
+
+#[test]
 fn what_is_missing_is_said_in_the_panel() {
     let folder = tempfile::tempdir().unwrap();
     let (_, mut harness) = meadow(folder.path());
@@ -299,6 +339,9 @@ fn an_overlay_is_dragged_onto_its_place() {
 fn enter(harness: &mut Harness<'_, Studio>, label: &str, text: &str) {
     let field = harness.get_by_role_and_label(Role::TextInput, label);
     field.focus();
+    harness.step();
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    harness.key_press(Key::Backspace);
     harness.step();
     let field = harness.get_by_role_and_label(Role::TextInput, label);
     field.type_text(text);

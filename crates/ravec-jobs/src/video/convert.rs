@@ -1,8 +1,8 @@
 //! `video convert`: a clip in another format, size, rate or range.
 
 use super::clip::{ClipOutput, OutputShape, check_clip_target, open_clip, read_error};
+use super::conversion::Conversion;
 use super::map::key_of;
-use super::pace::Pace;
 use super::{Encoding, FrameRange};
 use crate::context::Context;
 use crate::error::JobError;
@@ -10,7 +10,7 @@ use crate::operation::Operation;
 use crate::report::Report;
 use crate::retarget::SizeSpec;
 use ravec::raster::{AnyImage, ResizeFilter, Size, resize, with_image};
-use ravec_video::{Clip, Frame, FramePicture, FrameSource as _, Rational};
+use ravec_video::{Clip, Frame, FramePicture, FrameSource as _, FrameTime, Rational};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -69,6 +69,30 @@ pub struct Params {
     pub encoding: Encoding,
 }
 
+impl Params {
+    /// Size of the frames that a conversion makes of those with this size.
+    fn size_of(&self, size: Size, max_pixels: u64) -> Result<Size, JobError> {
+        match &self.size {
+            // pixels need not be square
+            Some(wanted) => wanted.of(size, wanted.has_open_side(), max_pixels),
+            None => Ok(size),
+        }
+    }
+
+    /// A frame as the conversion makes it.
+    ///
+    /// # Errors
+    /// [`JobError`] for a size with too many pixels, or of another shape.
+    pub fn frame(&self, image: &AnyImage, context: &Context) -> Result<AnyImage, JobError> {
+        let size = self.size_of(image.size(), context.limits.max_pixels)?;
+        Ok(if size == image.size() {
+            image.clone()
+        } else {
+            resized_image(image, size)
+        })
+    }
+}
+
 impl Operation for Convert {
     const NAME: &'static str = "video convert";
 
@@ -101,11 +125,7 @@ impl Operation for Convert {
         let start = Instant::now();
         let info = clip.info().clone();
         let range = params.frames.unwrap_or_default();
-        let size = match &params.size {
-            // pixels need not be square
-            Some(size) => size.of(info.size, size.has_open_side(), context.limits.max_pixels)?,
-            None => info.size,
-        };
+        let size = params.size_of(info.size, context.limits.max_pixels)?;
         let Some(first) = seek_start(&mut clip, input, &range)? else {
             return Err(JobError::EmptyRange {
                 path: input.clone(),
@@ -131,27 +151,22 @@ impl Operation for Convert {
         )?;
         let total = range.frames(&info).unwrap_or(1);
         let phase = context.progress.phase("frames", total);
-        let mut pace = params.rate.map(|rate| Pace::new(info.time_base, rate));
-        let mut next = Some((first.index, first.frame));
-        while let Some((index, frame)) = next {
+        let conversion = Conversion::new(params, info.time_base);
+        let mut conversion = conversion.starting_at(first.index, first.origin);
+        let mut next = Some(first.frame);
+        while let Some(frame) = next {
             context.progress.check()?;
-            let seconds = frame.time.start.saturating_sub(first.origin) as f64 * base;
-            if range.is_behind(index, seconds) {
+            let Some(frames) = conversion.push(frame.time, frame.picture) else {
                 break;
-            }
-            let paced = match &mut pace {
-                Some(pace) => pace.push(frame),
-                None => vec![frame],
             };
-            for frame in paced {
-                written.write(resized(frame, size, &written), &report)?;
+            for (time, picture) in frames {
+                written.write(resized(picture, time, size, &written), &report)?;
             }
             phase.advance(1);
-            let frame = clip.next_frame().map_err(read_error(input))?;
-            next = frame.map(|frame| (index + 1, frame));
+            next = clip.next_frame().map_err(read_error(input))?;
         }
-        for frame in pace.iter_mut().flat_map(Pace::finish) {
-            written.write(resized(frame, size, &written), &report)?;
+        for (time, picture) in conversion.finish() {
+            written.write(resized(picture, time, size, &written), &report)?;
         }
         if let Some(damage) = clip.damage() {
             let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
@@ -209,15 +224,16 @@ pub(crate) fn seek_start(
 }
 
 /// The frame in this size. Frames that are there already need no pixels.
-fn resized(frame: Frame, size: Size, written: &ClipOutput) -> Frame {
-    if frame.picture.size() == size || written.is_done() {
-        return frame;
-    }
-    let image = frame.picture.into_image();
-    let image: AnyImage =
-        with_image!(&image, image => resize(image, size, ResizeFilter::Lanczos3).into());
-    Frame {
-        picture: FramePicture::Image(image),
-        time: frame.time,
-    }
+fn resized(picture: FramePicture, time: FrameTime, size: Size, written: &ClipOutput) -> Frame {
+    let picture = if picture.size() == size || written.is_done() {
+        picture
+    } else {
+        FramePicture::Image(resized_image(&picture.into_image(), size))
+    };
+    Frame { picture, time }
+}
+
+/// A frame in this size.
+fn resized_image(image: &AnyImage, size: Size) -> AnyImage {
+    with_image!(image, image => resize(image, size, ResizeFilter::Lanczos3).into())
 }

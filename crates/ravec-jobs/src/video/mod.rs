@@ -1,6 +1,7 @@
 //! `video info`, `video convert`, `video frames`, and clips as inputs and outputs of other operations.
 
 mod clip;
+mod conversion;
 pub mod convert;
 pub mod edit;
 pub mod frames;
@@ -13,6 +14,7 @@ pub(crate) use clip::{
     ClipOutput, OutputShape, check_clip_target, clip_folders, clip_outputs, folder_or_clip,
     is_clip, open_clip, read_error,
 };
+pub use conversion::{Conversion, FramePlace};
 pub(crate) use convert::seek_start;
 pub(crate) use map::{ClipFiles, check_no_encoding, key_of, map_clip};
 pub use range::FrameRange;

@@ -1,19 +1,20 @@
 //! Frames at another rate.
 
-use ravec_video::{Frame, FrameTime, Rational};
+use ravec_video::{FrameTime, Rational};
 
 /// Repeats or leaves out frames, so that they come at a constant rate: the frame that is shown at `k / rate` becomes frame `k`.
-pub(super) struct Pace {
+pub(super) struct Pace<T> {
     time_base: Rational,
     rate: Rational,
-    /// The latest frame, and its stamp in ticks from the first.
-    latest: Option<Frame>,
+    /// The latest frame.
+    latest: Option<(FrameTime, T)>,
+    /// Stamp of the first frame.
     origin: i64,
     /// Number of the next frame that is given.
     next: u64,
 }
 
-impl Pace {
+impl<T: Clone> Pace<T> {
     pub fn new(time_base: Rational, rate: Rational) -> Self {
         Self {
             time_base,
@@ -25,8 +26,8 @@ impl Pace {
     }
 
     /// Frames of the new rate that are shown before the tick `end`.
-    fn give_before(&mut self, end: i64) -> Vec<Frame> {
-        let Some(latest) = &self.latest else {
+    fn give_before(&mut self, end: i64) -> Vec<(FrameTime, T)> {
+        let Some((_, latest)) = &self.latest else {
             return Vec::new();
         };
         let mut frames = Vec::new();
@@ -40,31 +41,25 @@ impl Pace {
                 duration: 1,
             };
             self.next += 1;
-            frames.push(Frame {
-                time,
-                ..latest.clone()
-            });
+            frames.push((time, latest.clone()));
         }
         frames
     }
 
     /// Takes the next frame and gives those that are settled by it.
-    pub fn push(&mut self, frame: Frame) -> Vec<Frame> {
+    pub fn push(&mut self, time: FrameTime, frame: T) -> Vec<(FrameTime, T)> {
         if self.latest.is_none() {
-            self.origin = frame.time.start;
+            self.origin = time.start;
         }
-        let frames = self.give_before(frame.time.start.saturating_sub(self.origin));
-        self.latest = Some(frame);
+        let frames = self.give_before(time.start.saturating_sub(self.origin));
+        self.latest = Some((time, frame));
         frames
     }
 
     /// The frames up to the end of the last one.
-    pub fn finish(&mut self) -> Vec<Frame> {
-        let end = self.latest.as_ref().map_or(0, |frame| {
-            let end = frame
-                .time
-                .start
-                .saturating_add_unsigned(frame.time.duration);
+    pub fn finish(&mut self) -> Vec<(FrameTime, T)> {
+        let end = self.latest.as_ref().map_or(0, |(time, _)| {
+            let end = time.start.saturating_add_unsigned(time.duration);
             end.saturating_sub(self.origin)
         });
         self.give_before(end)
@@ -74,26 +69,19 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ravec::raster::{Image, Size, Srgb};
-    use ravec_video::FramePicture;
 
-    /// The gray values of the frames that come out.
-    fn paced(times: &[(i64, u64)], rate: Rational) -> Vec<u8> {
+    /// The frames that come out, by their places in the input.
+    fn paced(times: &[(i64, u64)], rate: Rational) -> Vec<usize> {
         let mut pace = Pace::new(Rational::new(1, 100).unwrap(), rate);
         let mut frames = Vec::new();
-        for (value, &(start, duration)) in times.iter().enumerate() {
-            let image = Image::new(Size::new(1, 1).unwrap(), Srgb([value as u8; 3]));
-            frames.extend(pace.push(Frame {
-                picture: FramePicture::Image(image.into()),
-                time: FrameTime { start, duration },
-            }));
+        for (index, &(start, duration)) in times.iter().enumerate() {
+            frames.extend(pace.push(FrameTime { start, duration }, index));
         }
         frames.extend(pace.finish());
-        for (at, frame) in frames.iter().enumerate() {
-            assert_eq!(frame.time.start, at as i64);
+        for (at, (time, _)) in frames.iter().enumerate() {
+            assert_eq!(time.start, at as i64);
         }
-        let value = |frame: &Frame| frame.picture.to_image().convert::<Srgb<u8>>()[(0, 0)].0[0];
-        frames.iter().map(value).collect()
+        frames.into_iter().map(|(_, index)| index).collect()
     }
 
     #[test]

@@ -110,6 +110,19 @@ impl FrameRange {
         }
     }
 
+    /// Number of the first frame and its seconds from the start, in a clip whose frames are `interval` seconds apart.
+    pub(super) fn start_at(&self, interval: f64) -> (u64, f64) {
+        match self.start {
+            None => (0, 0.0),
+            Some(End::Frame(frame)) => (frame, frame as f64 * interval),
+            Some(End::Seconds(seconds)) => {
+                // stamps are multiples of a tick
+                let frame = ((seconds - 1e-6) / interval).ceil().max(0.0);
+                (frame as u64, frame * interval)
+            }
+        }
+    }
+
     /// Returns `true` for a frame before the range: by its number, and its seconds from the first frame of the clip.
     pub fn is_before(&self, index: u64, seconds: f64) -> bool {
         match self.start {

@@ -8,6 +8,7 @@ use super::thumbnails::{self, Thumbnails};
 use crate::shown::Shown;
 use ravec::progress::Progress;
 use ravec_jobs::Context;
+use ravec_jobs::video::FramePlace;
 use ravec_media::Picture;
 use ravec_video::{Clip, Frame, OpenOptions, RandomAccess, VideoError, VideoLimits};
 use std::path::Path;
@@ -83,6 +84,18 @@ impl ClipReader {
         let state = self.shared.state();
         let frame = state.shown.as_ref()?;
         Some((frame.number, frame.shown.clone(), frame.picture.clone()))
+    }
+
+    /// The last frame that was read: its place in the clip, and the picture.
+    pub(crate) fn frame(&self) -> Option<(FramePlace, Arc<Picture>)> {
+        let state = self.shared.state();
+        let (frame, facts) = (state.shown.as_ref()?, state.facts.as_ref()?);
+        let place = FramePlace {
+            number: frame.number,
+            seconds: frame.seconds,
+            interval: facts.seconds_per_frame,
+        };
+        Some((place, frame.picture.clone()))
     }
 
     /// Number and picture of the frame to show: the last frame that was read or, until the requested one is, a nearer one, which may be
@@ -222,6 +235,7 @@ fn work(shared: &Shared) {
         seeks_fast: facts.seeks_fast,
         seconds_per_tick: facts.time_base.to_f64(),
         access: RandomAccess::new(clip, CACHE_BYTES),
+        origin: None,
         last: None,
     };
     shared.show(|state| state.facts = Some(facts));
@@ -253,6 +267,8 @@ struct Frames<'a> {
     access: RandomAccess<Clip>,
     seeks_fast: bool,
     seconds_per_tick: f64,
+    /// Stamp of the first frame, once it is read.
+    origin: Option<i64>,
     /// The request before.
     last: Option<u64>,
 }
@@ -266,16 +282,29 @@ impl Frames<'_> {
         let Some(frame) = self.find(number)? else {
             return Err(Some(self.missing(number)));
         };
+        let origin = self.origin(number, &frame);
         let picture = Picture::from_image(frame.picture.to_image().into_owned());
         let picture = Arc::new(picture);
         let ready = ReadFrame {
             number,
             shown: Arc::new(Shown::new(picture.clone())),
             picture,
-            seconds: frame.time.start as f64 * self.seconds_per_tick,
+            seconds: frame.time.start.saturating_sub(origin) as f64 * self.seconds_per_tick,
         };
         self.shared.state().add_ready(ready.clone());
         Ok(ready)
+    }
+
+    /// The stamp of the first frame; that of this frame if the first one cannot be read.
+    fn origin(&mut self, number: u64, frame: &Frame) -> i64 {
+        if self.origin.is_none() {
+            self.origin = match number {
+                0 => Some(frame.time.start),
+                // it is rarely not the first one that is asked for
+                _ => (self.access.frame(0).ok().flatten()).map(|first| first.time.start),
+            };
+        }
+        self.origin.unwrap_or(frame.time.start)
     }
 
     fn find(&mut self, number: u64) -> Result<Option<Arc<Frame>>, Option<String>> {

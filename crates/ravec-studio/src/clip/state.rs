@@ -19,7 +19,7 @@ pub(super) struct ReadFrame {
     pub number: u64,
     pub shown: Arc<Shown>,
     pub picture: Arc<Picture>,
-    /// Time stamp in seconds.
+    /// Seconds from the first frame.
     pub seconds: f64,
 }
 

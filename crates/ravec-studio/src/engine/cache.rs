@@ -18,7 +18,7 @@ pub(crate) fn source_key(path: &Path, frame: Option<&SourceFrame>) -> String {
     let data = std::fs::metadata(path).ok();
     let length = data.as_ref().map(std::fs::Metadata::len);
     let modified = data.and_then(|data| data.modified().ok());
-    let frame = frame.map(|frame| frame.number);
+    let frame = frame.map(|frame| frame.place.number);
     format!("{} {length:?} {modified:?} {frame:?}", path.display())
 }
 

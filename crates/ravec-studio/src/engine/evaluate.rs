@@ -1,16 +1,15 @@
 //! The results of a document, one edit after the other.
 
 use super::cache::{Cache, Cached, source_key};
+use super::frames::FrameAt;
 use super::shot::{OpenShots, ShotEdit};
 use super::{EditInput, Failure, Request, lock};
-use crate::analyses::AnalysisView;
 use crate::content::{Content, Kind, View, Visible};
 use crate::device::edit_context;
 use crate::document::{Document, Edit, EditId, is_result_name, result_name};
 use crate::painting::{Finished, Painting};
 use ravec::mesh_io::{ReadOptions, read_mesh_file_with};
 use ravec::progress::Progress;
-use ravec::raster::AnyImage;
 use ravec_jobs::{Context, JobError, Report};
 use ravec_media::Picture;
 use std::collections::HashMap;
@@ -43,7 +42,7 @@ pub(super) fn evaluate(
         exposure,
         analyses,
     } = request;
-    let edits: Vec<&Arc<Edit>> = document.shown_links().collect();
+    let edits: Vec<&Arc<Edit>> = document.links().collect();
     let Chain { keys, prepared } = Chain::of(request, &edits);
     let known = (0..keys.len())
         .rev()
@@ -78,13 +77,13 @@ pub(super) fn evaluate(
             content: result.content.clone(),
         };
         on_run(edit.id, &input);
-        let result_of = match (&prepared[done], frame) {
-            (Some(of), Some(frame)) => {
+        let result_of = match &prepared[done] {
+            Some((of, number)) => {
                 let context = analyses.context(progress);
-                let content = shots.result(of, &input.content, frame.number, &context);
+                let content = shots.result(of, &input.content, *number, &context);
                 content.map(|content| (content, None))
             }
-            _ => match painted(edit, &input, painting, progress) {
+            None => match painted(edit, &input, painting, progress) {
                 Some((picture, view)) => {
                     if let Some(view) = view {
                         cache.insert_view(&keys[done + 1], View::Picture(view));
@@ -118,7 +117,7 @@ pub(super) fn evaluate(
         before: source.map(|source| cache.view(&keys[0], &source.content, *exposure)),
         inputs: Arc::new(inputs),
         reports: Arc::new(reports),
-        frame: frame.as_ref().map(|frame| frame.number),
+        frame: frame.as_ref().map(|frame| frame.place.number),
     })
 }
 
@@ -126,8 +125,8 @@ pub(super) fn evaluate(
 struct Chain {
     /// The edits that each result is made by, from the source on.
     keys: Vec<String>,
-    /// Analyses for the edits of a shot, by edit.
-    prepared: Vec<Option<ShotEdit>>,
+    /// The edits of a shot, with the number of the frame in their input.
+    prepared: Vec<Option<(ShotEdit, u64)>>,
 }
 
 impl Chain {
@@ -140,13 +139,15 @@ impl Chain {
         } = request;
         let mut keys = vec![source_key(&document.source, frame.as_ref())];
         let mut prepared = Vec::new();
+        let mut at = (frame.as_ref()).map(|frame| FrameAt::in_source(frame.place, document));
         for edit in edits {
             let fields = serde_json::to_string(&edit.fields).unwrap_or_default();
             let before = &keys[keys.len() - 1];
             let files = files_key(edit);
-            let number = frame.as_ref().map(|frame| frame.number);
-            let shot = number.and_then(|_| ShotEdit::of(edit, document, analyses, number));
-            let more = shot.as_ref().map_or("", ShotEdit::key);
+            let shot = at
+                .as_mut()
+                .and_then(|at| at.prepare(edit, document, analyses));
+            let more = shot.as_ref().map_or("", |(shot, _)| shot.key());
             keys.push(format!(
                 "{before}\n{} {fields}\n{files}\n{more}",
                 edit.operation
@@ -154,53 +155,6 @@ impl Chain {
             prepared.push(shot);
         }
         Self { keys, prepared }
-    }
-}
-
-/// The edits before one, run on one frame after the other.
-pub(crate) struct FrameChain<'a> {
-    edits: Vec<&'a Arc<Edit>>,
-    document: &'a Document,
-    analyses: &'a AnalysisView,
-    shots: OpenShots,
-}
-
-impl<'a> FrameChain<'a> {
-    /// The edits before that with this number.
-    pub fn new(id: EditId, document: &'a Document, analyses: &'a AnalysisView) -> Self {
-        let edits = document.links_before(id);
-        Self {
-            edits: edits.filter(|edit| !edit.is_of_whole_clips()).collect(),
-            document,
-            analyses,
-            shots: OpenShots::default(),
-        }
-    }
-
-    /// The input of the edit in a frame of the clip.
-    ///
-    /// # Errors
-    /// That of the first edit that fails.
-    pub fn result(
-        &mut self,
-        number: u64,
-        image: AnyImage,
-        progress: &Progress,
-    ) -> Result<AnyImage, RunError> {
-        let mut content = Content::Picture(Arc::new(Picture::from_image(image)));
-        let context = self.analyses.context(progress);
-        for edit in &self.edits {
-            let of = ShotEdit::of(edit, self.document, self.analyses, Some(number));
-            content = match of {
-                Some(of) => self.shots.result(&of, &content, number, &context)?,
-                None => run_in_memory(edit, &content, progress)?.0,
-            };
-        }
-        let picture = match content {
-            Content::Picture(picture) => picture,
-            Content::Mesh(_) => return Err(RunError::Edit("this is a mesh".to_owned())),
-        };
-        Ok(Arc::unwrap_or_clone(picture).image)
     }
 }
 
@@ -231,10 +185,10 @@ fn inputs_and_reports(
     }
     // edits that look at the picture without changing it
     for (index, edit) in document.edits.iter().enumerate() {
-        if edit.is_analysis() || edit.is_of_whole_clips() {
+        if edit.is_analysis() {
             let before = document.edits[..index].iter();
             let links = before
-                .filter(|edit| edit.enabled && !edit.is_analysis() && !edit.is_of_whole_clips())
+                .filter(|edit| edit.enabled && !edit.is_analysis())
                 .count();
             if let Some(input) = cache.get(&keys[links]) {
                 let key = keys[links].as_str().into();

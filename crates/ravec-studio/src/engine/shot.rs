@@ -10,6 +10,7 @@ use crate::document::{Document, Edit, is_result_name};
 use ravec::raster::AnyImage;
 use ravec::retarget::Deformation;
 use ravec_jobs::matte::FrameMattes;
+use ravec_jobs::video::convert;
 use ravec_jobs::video::edit::ShotPreview;
 use ravec_jobs::{Context, JobError, Step};
 use ravec_media::Picture;
@@ -27,6 +28,10 @@ pub(crate) enum ShotEdit {
         deformation: Arc<Deformation>,
         key: String,
     },
+    /// The frame in another size, or as it is.
+    Converted(Box<convert::Params>),
+    /// The edit has no such frame, since a conversion leaves it out: it stays as it is.
+    LeftOut,
     /// An edit with previews.
     Preview {
         step: Box<Step>,
@@ -36,8 +41,8 @@ pub(crate) enum ShotEdit {
 }
 
 impl ShotEdit {
-    /// The edit for a frame, if it is one of a shot; errors of its fields are left to the run. Without a frame, an edit that differs
-    /// from frame to frame is none.
+    /// The edit for a frame of its input, if it is one of a shot; errors of its fields are left to the run. Without a frame, an edit
+    /// that differs from frame to frame is none.
     pub fn of(
         edit: &Edit,
         document: &Document,
@@ -94,6 +99,8 @@ impl ShotEdit {
     pub fn key(&self) -> &str {
         match self {
             Self::Waits => "waits",
+            Self::Converted(_) => "",
+            Self::LeftOut => "left out",
             Self::Foreground { key, .. }
             | Self::Retargeted { key, .. }
             | Self::Preview { key, .. } => key,
@@ -125,7 +132,9 @@ impl OpenShots {
         };
         let image = &picture.image;
         let done = match edit {
-            ShotEdit::Waits => return Ok(input.clone()),
+            ShotEdit::Waits | ShotEdit::LeftOut => return Ok(input.clone()),
+            ShotEdit::Converted(params) if params.size.is_none() => return Ok(input.clone()),
+            ShotEdit::Converted(params) => params.frame(image, context),
             ShotEdit::Foreground { mattes, .. } => {
                 mattes.frame(frame, image, &context.progress, context)
             }

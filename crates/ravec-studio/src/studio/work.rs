@@ -103,8 +103,7 @@ const MAX_LAYER_FRAMES: u64 = 20_000;
 /// Rows of the timeline for the layers of a shot, the upper ones first: the frames in which they are seen.
 fn layers(document: &Document, tools: &[Box<dyn Tool>], frames: u64) -> Vec<Row> {
     let edits = document.enabled();
-    let layers =
-        edits.filter(|edit| edit.operation.starts_with("video ") && !edit.is_of_whole_clips());
+    let layers = edits.filter(|edit| edit.operation.starts_with("video ") && !edit.is_conversion());
     let mut rows: Vec<Row> = layers
         .map(|edit| {
             let range = edit.param("frames").as_str().unwrap_or_default();
@@ -236,7 +235,12 @@ fn pictures(open: &Open, scene: &Scene<'_>) -> Pictures {
         patch: tool.and_then(|tool| tool.overlay(&open.assistant)),
         frame: scene.snapshot.frame,
     };
-    let plain = open.history.document().shown_links().next().is_none() && open.exposure == 0.0;
+    let keeps_pixels = open
+        .history
+        .document()
+        .links()
+        .all(|edit| edit.keeps_pixels());
+    let plain = keeps_pixels && open.exposure == 0.0;
     let played = open.clip.as_ref().and_then(|clip| clip.reader.visible());
     if plain && let Some((number, frame)) = played {
         pictures.frame = Some(number);

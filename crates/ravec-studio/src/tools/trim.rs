@@ -31,7 +31,7 @@ impl Tool for Trim {
     }
 
     fn panel_ui(&mut self, ui: &mut Ui, desk: &Desk<'_>, edit: &Edit) -> Option<Gesture> {
-        ui.label("The frames of exports. The canvas shows all of them.");
+        ui.label("The frames of exports. The canvas shows the others too, without later edits.");
         range_ui(ui, desk, edit)
     }
 }
