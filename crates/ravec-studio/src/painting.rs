@@ -1,12 +1,13 @@
 //! The brush in the hand: strokes are painted as they grow, and the picture is kept from one to the next.
 
 use crate::document::Edit;
+use crate::engine::lock;
 use crate::shown::Shown;
 use ravec::progress::Progress;
 use ravec::raster::{AnyImage, Color, Image, LinearRgba, Plane, Rect, with_image};
 use ravec::twocolor::brush::{Brush, Stroke, StrokeError, Strokes, Tool};
 use ravec_media::Picture;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, Weak};
 
 /// A picture that is being painted.
 ///
@@ -27,6 +28,53 @@ struct Present {
     shown: Shown,
     /// The picture before the one that is shown, and where the two differ.
     spare: Option<(Arc<Picture>, Rect)>,
+    ahead: Arc<Mutex<CopyAhead>>,
+}
+
+/// Maximum number of bytes of a picture that is copied ahead.
+const MAX_COPY_BYTES: usize = 256 << 20;
+
+/// A copy of the picture that is shown, made while the hand rests: the next stroke is painted into it.
+#[derive(Default)]
+struct CopyAhead {
+    of: Weak<Picture>,
+    copy: Option<Arc<Picture>>,
+}
+
+impl CopyAhead {
+    /// Begins to copy a picture, unless it is copied already.
+    fn begin(ahead: &Arc<Mutex<Self>>, picture: &Arc<Picture>) {
+        let bytes = with_image!(&picture.image, image => size_of_val(image.pixels()));
+        let mut state = lock(ahead);
+        if bytes > MAX_COPY_BYTES || state.is_of(picture) {
+            return;
+        }
+        *state = Self {
+            of: Arc::downgrade(picture),
+            copy: None,
+        };
+        let (ahead, picture) = (ahead.clone(), picture.clone());
+        rayon::spawn(move || {
+            let copy = Arc::new(Picture::clone(&picture));
+            let mut state = lock(&ahead);
+            if state.is_of(&picture) {
+                state.copy = Some(copy);
+            }
+        });
+    }
+
+    fn is_of(&self, picture: &Arc<Picture>) -> bool {
+        std::ptr::eq(self.of.as_ptr(), Arc::as_ptr(picture))
+    }
+
+    /// The copy of a picture, if it is there.
+    fn take(&mut self, picture: &Arc<Picture>) -> Option<Arc<Picture>> {
+        let copy = self
+            .copy
+            .take_if(|_| self.of.as_ptr() == Arc::as_ptr(picture));
+        *self = Self::default();
+        copy
+    }
 }
 
 /// Strokes of an edit that are in half-integer coordinates of a picture of this size; `None` for what the operation has to judge.
@@ -58,6 +106,7 @@ impl Painting {
             return Some((Arc::new(picture), None));
         }
         let shown = present.shown.clone();
+        CopyAhead::begin(&present.ahead, shown.picture());
         Some((shown.picture().clone(), Some(Arc::new(shown))))
     }
 
@@ -115,11 +164,20 @@ impl Painting {
         };
         if !region.is_empty() {
             let before = present.shown.picture().clone();
-            let picture = patched(present.spare.take(), &before, present.brush.image(), region);
+            let spare = present.spare.take();
+            let spare = spare.filter(|(spare, _)| Arc::strong_count(spare) == 1);
+            let spare = spare.or_else(|| {
+                let copy = lock(&present.ahead).take(&before);
+                copy.map(|copy| (copy, Rect::default()))
+            });
+            let picture = patched(spare, &before, present.brush.image(), region);
             present.shown = present.shown.changed(picture, region);
             present.spare = Some((before, region));
         }
         let shown = Arc::new(present.shown.clone());
+        if is_blank {
+            CopyAhead::begin(&present.ahead, shown.picture());
+        }
         self.present = Some(present);
         Ok((!is_blank).then_some(shown))
     }
@@ -150,6 +208,7 @@ impl Present {
             done: strokes[..strokes.len() - 1].to_vec(),
             shown: Shown::new(Arc::new(picture)),
             spare: None,
+            ahead: Arc::default(),
         })
     }
 

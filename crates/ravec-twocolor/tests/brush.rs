@@ -140,6 +140,59 @@ fn a_stroke_is_the_same_live_replayed_and_cut_into_pieces() {
     }
 }
 
+/// A way of small steps that turns in loops and crosses itself.
+fn loops() -> Vec<[f64; 2]> {
+    let at = |k: u32| {
+        let t = f64::from(k) * 0.13;
+        [
+            48.0 + 28.0 * (1.3 * t).sin(),
+            40.0 + 25.0 * (2.1 * t + 0.4).cos(),
+        ]
+    };
+    (0..70).map(at).collect()
+}
+
+#[test]
+fn a_stroke_of_small_steps_that_crosses_itself_is_the_same_live_and_replayed() {
+    let image = picture(96, 80);
+    let way = loops();
+    let tools = [Tool::Mask, Tool::Color { rgb: [220, 30, 40] }, Tool::Dodge];
+    for (tool, edge_aware) in tools.iter().flat_map(|tool| [(tool, true), (tool, false)]) {
+        let stroke = |points: &[[f64; 2]]| Stroke {
+            edge_aware,
+            ..Stroke::new(tool.clone(), points.to_vec(), 9.0)
+        };
+        let expect = |brush: &Brush, points: &[[f64; 2]]| {
+            let expected = painted(&image, vec![stroke(points)]);
+            assert!(brush.image() == &expected.image, "{tool:?} {edge_aware}");
+            assert!(
+                brush.mask() == expected.mask.as_ref(),
+                "{tool:?} {edge_aware}"
+            );
+        };
+        let progress = Progress::none();
+        let mut brush = Brush::begin(image.clone(), stroke(&way[..1]), &progress).unwrap();
+        for end in 2..=way.len() {
+            brush.extend(way[end - 1], &progress).unwrap();
+            if end % 9 == 0 {
+                expect(&brush, &way[..end]);
+            }
+        }
+        expect(&brush, &way);
+        if *tool == Tool::Mask {
+            continue;
+        }
+        // taken in the hand again, it goes on
+        let mut brush = Brush::begin(image.clone(), stroke(&way[..30]), &progress).unwrap();
+        brush.next_stroke(stroke(&way[50..60]), &progress).unwrap();
+        brush.undo_stroke().unwrap();
+        for &point in &way[30..45] {
+            brush.extend(point, &progress).unwrap();
+        }
+        expect(&brush, &way[..45]);
+    }
+}
+
 #[test]
 fn strokes_one_after_another_are_the_same_live_and_replayed() {
     let image = picture(96, 80);

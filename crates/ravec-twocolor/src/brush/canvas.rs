@@ -7,6 +7,7 @@ use crate::filter_error::FilterError;
 use crate::operator::{OperatorParams, noise_for};
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect};
+use rayon::prelude::*;
 
 /// Two copies of a picture that differ only where the current stroke has painted, so that the next stroke costs as much as
 /// the pixels that this one changed and not as much as the picture.
@@ -57,17 +58,14 @@ impl Canvas {
         self.noise = None;
     }
 
-    /// Takes the stroke off the pixels of `region`, which must lie in the picture, before it is painted there anew.
-    pub fn wipe(&mut self, region: Rect) {
-        copy(&self.before, &mut self.image, region);
+    /// Marks the pixels of `region`, which must lie in the picture, as those that the stroke may have changed.
+    pub fn mark(&mut self, region: Rect) {
         self.painted.add(region);
     }
 
     /// Takes the stroke off; returns the pixels that may have changed.
     pub fn take_off(&mut self) -> Rect {
-        for tile in self.painted.rects() {
-            copy(&self.before, &mut self.image, tile);
-        }
+        copy(&self.before, &mut self.image, &self.painted);
         self.painted.clear()
     }
 
@@ -88,16 +86,25 @@ impl Canvas {
 
     /// Ends the stroke: the next one starts from the painted picture.
     pub fn settle(&mut self) {
-        for tile in self.painted.rects() {
-            copy(&self.image, &mut self.before, tile);
-        }
+        copy(&self.image, &mut self.before, &self.painted);
         self.painted.clear();
     }
 }
 
-fn copy(from: &Image<LinearRgba>, to: &mut Image<LinearRgba>, region: Rect) {
-    let columns = region.col..region.right();
-    for row in region.row..region.bottom() {
-        to.row_mut(row)[columns.clone()].copy_from_slice(&from.row(row)[columns.clone()]);
+/// Copies tiles.
+fn copy(from: &Image<LinearRgba>, to: &mut Image<LinearRgba>, tiles: &Tiles) {
+    let width = from.width();
+    let mut bands = vec![Vec::new(); from.height().div_ceil(Tiles::SIDE)];
+    for tile in tiles.rects() {
+        bands[tile.row / Tiles::SIDE].push(tile);
     }
+    let rows = to.pixels_mut().par_chunks_mut(Tiles::SIDE * width);
+    rows.zip(bands).for_each(|(rows, tiles)| {
+        for tile in tiles {
+            for (row, out) in (tile.row..).zip(rows.chunks_exact_mut(width)) {
+                let columns = tile.col..tile.right();
+                out[columns.clone()].copy_from_slice(&from.row(row)[columns]);
+            }
+        }
+    });
 }

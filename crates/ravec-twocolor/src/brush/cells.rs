@@ -8,7 +8,6 @@ use crate::dense::{WindowParams, map_windows};
 use crate::filter_error::FilterError;
 use crate::operator::{Mode, OperatorParams, operate_with};
 use crate::pointwise::Sides;
-use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Rect, Size};
 use rayon::prelude::*;
@@ -20,13 +19,15 @@ const SIDE: usize = 32;
 /// The most cells that one task hands to a regional operator.
 const LONGEST_RUN: usize = 4;
 
-/// The sides of the window around a pixel, as plain numbers: own color, other color, coverage, quality,
-/// variance, remoteness.
-type Packed = [f32; 10];
+/// The sides of the window around a pixel but for its own color, as plain numbers: other color, coverage, quality, variance,
+/// remoteness.
+type Packed = [f32; 7];
 
 /// A cell: the windows of its pixels, and for some tools what its pixels become.
 struct Cell {
-    sides: Image<Packed>,
+    /// Own colors, which are read along the way to each pixel; the last number is 0.
+    own: Vec<[f32; 4]>,
+    others: Vec<Packed>,
     target: Option<Image<LinearRgba>>,
 }
 
@@ -120,7 +121,10 @@ impl Cells {
         let rows = region.row / SIDE..=(region.bottom() - 1) / SIDE;
         let missing: Vec<usize> = rows
             .flat_map(|y| (region.col / SIDE..=(region.right() - 1) / SIDE).map(move |x| (x, y)))
-            .filter(|&(x, y)| reaches(path, self.rect(x, y)))
+            .filter(|&(x, y)| {
+                let cell = self.rect(x, y);
+                path.near(cell).reaches(cell)
+            })
             .map(|(x, y)| y * self.columns + x)
             .filter(|&cell| self.filled[cell].is_none())
             .collect();
@@ -138,8 +142,7 @@ impl Cells {
             .into_par_iter()
             .map(|(cell, target)| {
                 progress.check()?;
-                let sides = self.sides_of(image, cell)?;
-                Ok((cell, Cell { sides, target }))
+                Ok((cell, self.cell(image, cell, target)?))
             })
             .collect::<Result<_, StrokeError>>()?;
         for (index, cell) in filled {
@@ -188,12 +191,13 @@ impl Cells {
         rects.iter().map(crop).collect()
     }
 
-    /// The windows of a cell's pixels.
-    fn sides_of(
+    /// The windows of a cell's pixels, and for some tools what its pixels become.
+    fn cell(
         &self,
         image: &Image<LinearRgba>,
         cell: usize,
-    ) -> Result<Image<Packed>, StrokeError> {
+        target: Option<Image<LinearRgba>>,
+    ) -> Result<Cell, StrokeError> {
         let rect = self.rect_of(cell);
         let sides = map_windows(
             image,
@@ -214,7 +218,21 @@ impl Cells {
                 ]
             },
         )?;
-        Ok(sides)
+        let mut own = vec![[0.0; 4]; SIDE * SIDE];
+        let mut others = vec![[0.0; 7]; SIDE * SIDE];
+        for row in 0..rect.height {
+            let start = row * SIDE;
+            let slots = own[start..].iter_mut().zip(&mut others[start..]);
+            for (&[l, a, b, ref other @ ..], (own, others)) in sides.row(row).iter().zip(slots) {
+                *own = [l, a, b, 0.0];
+                *others = *other;
+            }
+        }
+        Ok(Cell {
+            own,
+            others,
+            target,
+        })
     }
 
     fn rect_of(&self, cell: usize) -> Rect {
@@ -225,26 +243,22 @@ impl Cells {
         Rect::new(x * SIDE, y * SIDE, SIDE, SIDE).intersection(Rect::of(self.size))
     }
 
-    fn at(&self, col: usize, row: usize) -> Option<(&Cell, [usize; 2])> {
+    fn at(&self, col: usize, row: usize) -> Option<(&Cell, usize)> {
         let cell = self.filled[row / SIDE * self.columns + col / SIDE].as_ref()?;
-        Some((cell, [col % SIDE, row % SIDE]))
+        Some((cell, row % SIDE * SIDE + col % SIDE))
+    }
+
+    /// The color of the side of the window around a pixel that the pixel is on, and 0, if its cell is filled.
+    pub fn own(&self, col: usize, row: usize) -> Option<[f32; 4]> {
+        let (cell, pixel) = self.at(col, row)?;
+        Some(cell.own[pixel])
     }
 
     /// The sides of the window around a pixel, if its cell is filled.
     pub fn sides(&self, col: usize, row: usize) -> Option<Sides> {
-        let (cell, [x, y]) = self.at(col, row)?;
-        let [
-            l0,
-            a0,
-            b0,
-            l1,
-            a1,
-            b1,
-            coverage,
-            quality,
-            variance,
-            remoteness,
-        ] = cell.sides[(x, y)];
+        let (cell, pixel) = self.at(col, row)?;
+        let [l0, a0, b0, _] = cell.own[pixel];
+        let [l1, a1, b1, coverage, quality, variance, remoteness] = cell.others[pixel];
         Some(Sides {
             own: [l0, a0, b0],
             other: [l1, a1, b1],
@@ -257,19 +271,8 @@ impl Cells {
 
     /// The new value of a pixel, if the tool works on regions.
     pub fn target(&self, col: usize, row: usize) -> Option<LinearRgba> {
-        let (cell, [x, y]) = self.at(col, row)?;
-        cell.target.as_ref().map(|target| target[(x, y)])
+        let (cell, pixel) = self.at(col, row)?;
+        let target = cell.target.as_ref()?;
+        Some(target[(pixel % SIDE, pixel / SIDE)])
     }
-}
-
-/// Returns `true` if the path comes within its radius of a rectangle of pixels.
-fn reaches(path: &Path, rect: Rect) -> bool {
-    let near = path.near(rect);
-    if near.is_empty() {
-        return false;
-    }
-    let middle = DVec2::new(rect.col as f64, rect.row as f64)
-        + 0.5 * DVec2::new(rect.width as f64, rect.height as f64);
-    let half_diagonal = 0.5 * (rect.width as f64).hypot(rect.height as f64);
-    near.profile(near.nearest(middle).distance - half_diagonal) > 0.0
 }

@@ -3,6 +3,7 @@
 use super::stroke::Stroke;
 use super::tiles::Tiles;
 use ravec_raster::{Image, LinearRgba, Rect};
+use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Memory of all kept pixels: some hundred strokes of a brush as wide as a face.
@@ -17,7 +18,8 @@ pub(crate) struct Patch {
 impl Patch {
     /// The painted tiles in which two pictures of the same size differ, as they are in `before`.
     pub fn between(before: &Image<LinearRgba>, after: &Image<LinearRgba>, painted: &Tiles) -> Self {
-        let changed = painted.rects().filter(|tile| {
+        let tiles: Vec<Rect> = painted.rects().collect();
+        let changed = tiles.into_par_iter().filter(|tile| {
             let columns = tile.col..tile.right();
             (tile.row..tile.bottom()).any(|row| {
                 let [before, after] = [before, after].map(|image| &image.row(row)[columns.clone()]);

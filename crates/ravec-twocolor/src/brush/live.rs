@@ -31,6 +31,8 @@ use ravec_raster::{Image, LinearRgba, Plane, Rect};
 /// ```
 pub struct Brush {
     stroke: Stroke,
+    /// The way of the stroke as far as it is painted.
+    path: Option<Path>,
     canvas: Canvas,
     mask: Option<Plane>,
     cells: Cells,
@@ -59,10 +61,10 @@ impl Brush {
             ahead: None,
             history: History::default(),
             noise_known: false,
+            path: None,
             stroke,
         };
-        let path = Path::of(&brush.stroke);
-        brush.repaint(&path, path.bounds(), progress)?;
+        brush.repaint(0, progress)?;
         Ok(brush)
     }
 
@@ -88,8 +90,7 @@ impl Brush {
             patch,
             noise_known: std::mem::replace(&mut self.noise_known, noise_known),
         });
-        let path = Path::of(&self.stroke);
-        self.repaint(&path, path.bounds(), progress)
+        self.repaint(0, progress)
     }
 
     /// Takes the stroke off the picture and puts the brush down for another in its place; returns the pixels that may have
@@ -106,8 +107,7 @@ impl Brush {
         check(&stroke)?;
         let changed = self.take_off();
         self.put_down(stroke);
-        let path = Path::of(&self.stroke);
-        let painted = self.repaint(&path, path.bounds(), progress)?;
+        let painted = self.repaint(0, progress)?;
         Ok(changed.bounding(painted))
     }
 
@@ -128,6 +128,7 @@ impl Brush {
         self.canvas.resume(&ended.patch);
         self.noise_known = ended.noise_known;
         self.put_down(ended.stroke);
+        self.path = Some(Path::of(&self.stroke));
         Some(changed)
     }
 
@@ -146,8 +147,12 @@ impl Brush {
     /// Makes `stroke` the one in the hand, without painting it; returns the one that was.
     fn put_down(&mut self, stroke: Stroke) -> Stroke {
         let ahead = self.ahead.take().filter(|ahead| ahead.suit(&stroke));
-        self.cells = ahead.unwrap_or_else(|| Cells::new(self.canvas.image.size(), &stroke));
+        let cells = ahead.unwrap_or_else(|| Cells::new(self.canvas.image.size(), &stroke));
+        let ended = std::mem::replace(&mut self.cells, cells);
+        // those of a long stroke are a hundred megabytes, which the system takes its time to get back
+        rayon::spawn(move || drop(ended));
         self.mask = selection(&stroke, &self.canvas.image);
+        self.path = None;
         std::mem::replace(&mut self.stroke, stroke)
     }
 
@@ -190,10 +195,7 @@ impl Brush {
             self.stroke.points.truncate(before);
             return Err(error);
         }
-        let path = Path::of(&self.stroke);
-        // the last corner may have gone, so the segment before the new ones counts as changed
-        let region = path.bounds_of_end(points.len() + 1);
-        self.repaint(&path, region, progress)
+        self.repaint(points.len(), progress)
     }
 
     /// The pixels that `stroke` would reach if it were painted on the picture so far, and its effect on each of them, 0 to 1: what a
@@ -224,6 +226,7 @@ impl Brush {
         let painter = Painter {
             stroke: &stroke,
             path: &path,
+            first_segment: 0,
             cells: &ahead,
             before: &self.canvas.image,
         };
@@ -253,32 +256,39 @@ impl Brush {
         self.canvas.image
     }
 
-    fn repaint(
-        &mut self,
-        path: &Path,
-        region: Rect,
-        progress: &Progress,
-    ) -> Result<Rect, StrokeError> {
+    /// Paints what the last `added` points of the stroke have changed, or all of it.
+    fn repaint(&mut self, added: usize, progress: &Progress) -> Result<Rect, StrokeError> {
+        let path = Path::of(&self.stroke);
+        let painted = self.path.take().filter(|_| added > 0);
+        let region = match &painted {
+            // the last corner may have gone, so the segment before the new ones counts as changed
+            Some(_) => path.bounds_of_end(added + 1),
+            None => path.bounds(),
+        };
         let region = region.intersection(Rect::of(self.canvas.image.size()));
         if region.is_empty() {
+            self.path = Some(path);
             return Ok(region);
         }
         self.cells
-            .ensure(&mut self.canvas, path, region, progress)?;
-        // where the nearest point of the way has moved, paint may have to go again
-        self.canvas.wipe(region);
-        if let Some(mask) = &mut self.mask {
-            for row in region.row..region.bottom() {
-                mask.row_mut(row)[region.col..region.right()].fill(0.0);
-            }
-        }
+            .ensure(&mut self.canvas, &path, region, progress)?;
+        self.canvas.mark(region);
+        let first_segment = match &painted {
+            Some(painted) if path.is_by_distance() => path.first_change(painted),
+            _ => 0,
+        };
         let painter = Painter {
             stroke: &self.stroke,
-            path,
+            path: &path,
+            first_segment,
             cells: &self.cells,
             before: &self.canvas.before,
         };
-        painter.paint(region, &mut self.canvas.image, self.mask.as_mut());
+        // where the nearest point of the way has moved, paint may have to go again
+        let replace: fn(f32, f32) -> f32 = |_, effect| effect;
+        let mask = self.mask.as_mut().map(|mask| (mask, replace));
+        painter.paint(region, &mut self.canvas.image, mask);
+        self.path = Some(path);
         if let Some(ahead) = &mut self.ahead {
             ahead.forget(region);
         }

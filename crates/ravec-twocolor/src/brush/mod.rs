@@ -94,15 +94,18 @@ fn paint(
     }
     let mut cells = Cells::new(size, stroke);
     cells.ensure(canvas, &path, region, progress)?;
-    canvas.wipe(region);
+    canvas.mark(region);
     if stroke.tool == Tool::Mask && mask.is_none() {
         *mask = Some(Plane::new(size, 0.0));
     }
     let painter = Painter {
         stroke,
         path: &path,
+        first_segment: 0,
         cells: &cells,
         before: &canvas.before,
     };
-    Ok(painter.paint(region, &mut canvas.image, mask.as_mut()))
+    // selecting again does not select more
+    let mask = mask.as_mut().map(|mask| (mask, f32::max as fn(_, _) -> _));
+    Ok(painter.paint(region, &mut canvas.image, mask))
 }

@@ -22,11 +22,51 @@ pub(crate) struct Path {
 /// million pixels, far below anything visible.
 const STRAIGHT_PX: f64 = 1e-7;
 
+/// More than the rounding of distances.
+const ROUNDING_PX: f64 = 1e-6;
+
 /// The nearest point of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Nearest {
     pub point: DVec2,
     pub distance: f64,
+    /// Number of the segment that it lies on; the first one of several.
+    pub segment: usize,
+}
+
+/// The part of a path that can reach a rectangle.
+#[derive(Debug, Clone)]
+pub(crate) struct NearPath {
+    segments: Vec<Segment>,
+    radius: f64,
+    core: f64,
+    dabs: Option<Vec<DVec2>>,
+}
+
+/// A segment of a path; that of a single point has no length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Segment {
+    number: usize,
+    ends: [DVec2; 2],
+}
+
+impl Segment {
+    fn nearest(&self, p: DVec2) -> Nearest {
+        let [a, b] = self.ends;
+        let along = b - a;
+        let length_sq = along.length_squared();
+        let t = if length_sq > 0.0 {
+            ((p - a).dot(along) / length_sq).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        let point = a + t * along;
+        Nearest {
+            point,
+            distance: point.distance(p),
+            segment: self.number,
+        }
+    }
 }
 
 impl Path {
@@ -42,7 +82,11 @@ impl Path {
             }
             while let [.., before, last] = points[..] {
                 let along = (last - before).dot(point - last) >= 0.0;
-                if !along || distance_to_segment(last, before, point).distance > STRAIGHT_PX {
+                let segment = Segment {
+                    number: 0,
+                    ends: [before, point],
+                };
+                if !along || segment.nearest(last).distance > STRAIGHT_PX {
                     break;
                 }
                 points.pop();
@@ -75,55 +119,91 @@ impl Path {
         bounds_of(&self.points[first..], self.radius)
     }
 
+    /// Number of the first segment that differs from those of an earlier state of the path.
+    pub fn first_change(&self, before: &Self) -> usize {
+        let pairs = self.points.iter().zip(&before.points);
+        let shared = pairs.take_while(|(now, before)| now == before).count();
+        shared.saturating_sub(1)
+    }
+
+    /// True if the effect at a pixel is that of its nearest segment alone.
+    pub fn is_by_distance(&self) -> bool {
+        self.dabs.is_none()
+    }
+
     /// The part of the path that can reach a rectangle.
-    pub fn near(&self, rect: Rect) -> Self {
+    pub fn near(&self, rect: Rect) -> NearPath {
         let (low, high) = corners(rect, self.radius);
         let reaches = |a: DVec2, b: DVec2| a.min(b).cmple(high).all() && a.max(b).cmpge(low).all();
-        let mut points = Vec::new();
-        let mut segments = self.points.windows(2).peekable();
-        if segments.peek().is_none() {
-            points.clone_from(&self.points);
-        }
-        for segment in segments.filter(|s| reaches(s[0], s[1])) {
-            points.extend_from_slice(segment);
+        let segment = |(number, ends): (usize, &[DVec2])| Segment {
+            number,
+            ends: [ends[0], ends[1]],
+        };
+        let mut segments: Vec<Segment> = (self.points.windows(2).enumerate())
+            .filter(|(_, ends)| reaches(ends[0], ends[1]))
+            .map(segment)
+            .collect();
+        if let [point] = self.points[..] {
+            segments.push(segment((0, &[point, point])));
         }
         let dabs = self.dabs.as_ref().map(|dabs| {
             let reached = |p: &DVec2| p.cmple(high).all() && p.cmpge(low).all();
             dabs.iter().copied().filter(reached).collect()
         });
+        NearPath {
+            segments,
+            radius: self.radius,
+            core: self.core,
+            dabs,
+        }
+    }
+}
+
+impl NearPath {
+    /// The segments that are nearest to some point of a rectangle, and the dabs that reach one.
+    pub fn nearest_within(&self, rect: Rect) -> Self {
+        let (middle, half_diagonal) = circle_around(rect);
+        let distance = |segment: &Segment| segment.nearest(middle).distance;
+        let least = self.segments.iter().map(distance).reduce(f64::min);
+        // the nearest segment of a point is at most a half diagonal farther from the middle than from the point
+        let limit = least.unwrap_or_default() + 2.0 * half_diagonal + ROUNDING_PX;
+        let near = self.segments.iter();
+        let reach = self.radius + half_diagonal;
+        let dabs = self.dabs.as_ref().map(|dabs| {
+            let reached = |dab: &DVec2| dab.distance(middle) <= reach;
+            dabs.iter().copied().filter(reached).collect()
+        });
         Self {
-            points,
+            segments: near.filter(|s| distance(s) <= limit).copied().collect(),
             dabs,
             ..*self
         }
     }
 
-    /// The nearest point, for the part of a path that [`near`](Self::near) gave: its points are the ends of segments, two by
-    /// two, or a single one.
+    /// The nearest point of the path.
+    ///
+    /// # Panics
+    /// If no part of the path is near.
     pub fn nearest(&self, p: DVec2) -> Nearest {
-        let mut best = Nearest {
-            point: self.points[0],
-            distance: self.points[0].distance(p),
-        };
-        let mut consider = |a: DVec2, b: DVec2| {
-            let found = distance_to_segment(p, a, b);
+        let mut best = self.segments[0].nearest(p);
+        for segment in &self.segments[1..] {
+            let found = segment.nearest(p);
             if found.distance < best.distance {
                 best = found;
             }
-        };
-        match self.points.len() {
-            1 => {}
-            _ => self
-                .points
-                .chunks_exact(2)
-                .for_each(|segment| consider(segment[0], segment[1])),
         }
         best
     }
 
     /// Returns `true` if no part of the path is near.
     pub fn is_empty(&self) -> bool {
-        self.points.is_empty()
+        self.segments.is_empty()
+    }
+
+    /// Returns `true` if the path comes within its radius of a rectangle.
+    pub fn reaches(&self, rect: Rect) -> bool {
+        let (middle, half_diagonal) = circle_around(rect);
+        !self.is_empty() && self.nearest(middle).distance - half_diagonal < self.radius
     }
 
     /// The effect at a distance from the path, 0 to 1.
@@ -153,6 +233,16 @@ impl Path {
     }
 }
 
+/// Middle and half diagonal of a rectangle of pixels.
+fn circle_around(rect: Rect) -> (DVec2, f64) {
+    let [width, height] = [rect.width, rect.height].map(|side| side as f64);
+    let corner = DVec2::new(rect.col as f64, rect.row as f64);
+    (
+        corner + 0.5 * DVec2::new(width, height),
+        0.5 * width.hypot(height),
+    )
+}
+
 fn corners(rect: Rect, margin: f64) -> (DVec2, DVec2) {
     let low = DVec2::new(rect.col as f64, rect.row as f64) - margin;
     let high = DVec2::new(rect.right() as f64, rect.bottom() as f64) + margin;
@@ -176,21 +266,6 @@ fn bounds_of(points: &[DVec2], radius: f64) -> Rect {
     let (col, row) = (low.x.floor() as usize, low.y.floor() as usize);
     let (right, bottom) = (high.x.ceil() as usize, high.y.ceil() as usize);
     Rect::new(col, row, right - col, bottom - row)
-}
-
-fn distance_to_segment(p: DVec2, a: DVec2, b: DVec2) -> Nearest {
-    let along = b - a;
-    let length_sq = along.length_squared();
-    let t = if length_sq > 0.0 {
-        ((p - a).dot(along) / length_sq).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let point = a + t * along;
-    Nearest {
-        point,
-        distance: point.distance(p),
-    }
 }
 
 /// Points at equal distances along the path, the first at its beginning.
@@ -224,7 +299,7 @@ mod tests {
 
     #[test]
     fn the_profile_is_full_in_the_core_and_nothing_at_the_radius() {
-        let path = path(vec![[0.0, 0.0]]);
+        let path = path(vec![[0.0, 0.0]]).near(Rect::new(0, 0, 1, 1));
         assert_eq!(
             (path.profile(0.0), path.profile(5.0), path.profile(10.0)),
             (1.0, 1.0, 0.0)
@@ -251,6 +326,33 @@ mod tests {
                 assert_eq!(near.nearest(p), all.nearest(p));
             }
         }
+        let all = whole.near(Rect::new(0, 0, 1000, 1000));
+        for (col, row) in [(96, 8), (128, 16), (152, 0)] {
+            let block = Rect::new(col, row, 8, 8);
+            let near = all.nearest_within(block);
+            for (x, y) in (0..8).flat_map(|y| (0..8).map(move |x| (col + x, row + y))) {
+                let p = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+                assert_eq!(near.nearest(p), all.nearest(p));
+            }
+        }
+    }
+
+    #[test]
+    fn segments_before_the_last_corner_that_stays_are_the_same() {
+        let bent = path(vec![[0.0, 0.0], [10.0, 0.0], [20.0, 5.0], [30.0, 5.0]]);
+        let longer = path(vec![
+            [0.0, 0.0],
+            [10.0, 0.0],
+            [20.0, 5.0],
+            [30.0, 5.0],
+            [40.0, 5.0],
+            [40.0, 9.0],
+        ]);
+        // the end of the third segment has moved on
+        assert_eq!(longer.first_change(&bent), 2);
+        assert_eq!(longer.first_change(&longer), 4);
+        assert_eq!(bent.first_change(&path(vec![[0.0, 0.0]])), 0);
+        assert_eq!(bent.first_change(&path(vec![[1.0, 0.0]])), 0);
     }
 
     proptest! {

@@ -2,9 +2,6 @@
 
 use ravec_raster::{Rect, Size};
 
-/// Side of a tile in pixels.
-const SIDE: usize = 64;
-
 /// Tiles of a picture.
 pub(crate) struct Tiles {
     size: Size,
@@ -16,9 +13,12 @@ pub(crate) struct Tiles {
 }
 
 impl Tiles {
+    /// Side of a tile in pixels.
+    pub const SIDE: usize = 64;
+
     /// No tile of a picture of this size.
     pub fn none(size: Size) -> Self {
-        let cells = size.cells(SIDE);
+        let cells = size.cells(Self::SIDE);
         Self {
             size,
             columns: cells.width(),
@@ -34,8 +34,8 @@ impl Tiles {
             return;
         }
         self.bounds = self.bounds.bounding(region);
-        for y in region.row / SIDE..=(region.bottom() - 1) / SIDE {
-            for x in region.col / SIDE..=(region.right() - 1) / SIDE {
+        for y in region.row / Self::SIDE..=(region.bottom() - 1) / Self::SIDE {
+            for x in region.col / Self::SIDE..=(region.right() - 1) / Self::SIDE {
                 let tile = y * self.columns + x;
                 if !std::mem::replace(&mut self.has[tile], true) {
                     self.list.push(tile);
@@ -56,7 +56,8 @@ impl Tiles {
     pub fn rects(&self) -> impl Iterator<Item = Rect> {
         self.list.iter().map(|tile| {
             let (x, y) = (tile % self.columns, tile / self.columns);
-            Rect::new(x * SIDE, y * SIDE, SIDE, SIDE).intersection(Rect::of(self.size))
+            Rect::new(x * Self::SIDE, y * Self::SIDE, Self::SIDE, Self::SIDE)
+                .intersection(Rect::of(self.size))
         })
     }
 }

@@ -1,7 +1,7 @@
 //! The effect of a stroke on each pixel.
 
 use super::cells::Cells;
-use super::path::{Nearest, Path};
+use super::path::{NearPath, Nearest, Path};
 use super::stroke::{Stroke, Tool};
 use crate::pointwise::{apply, mixed};
 use glam::DVec2;
@@ -12,55 +12,60 @@ use rayon::prelude::*;
 /// Share of the way to white or black that full strength moves a tone: half.
 const TONE_SHARE: f32 = 0.5;
 
-/// Rows painted by one task.
-const STRIP_ROWS: usize = 8;
+/// Side of the blocks whose pixels share the segments that may be nearest; rows painted by one task.
+const BLOCK: usize = 8;
 
 /// A stroke at work.
 pub(crate) struct Painter<'a> {
     pub stroke: &'a Stroke,
     pub path: &'a Path,
+    /// Number of the first segment whose pixels are painted: those that are nearest to one before it stay as they are.
+    pub first_segment: usize,
     pub cells: &'a Cells,
     /// The picture before the stroke.
     pub before: &'a Image<LinearRgba>,
 }
 
 impl Painter<'_> {
-    /// Paints the pixels of `region` into `image` (and the mask); returns the number with a positive effect.
+    /// Paints the pixels of `region` into `image`, or into the mask what `select` makes of the mask and the effect; returns the
+    /// number with a positive effect.
     pub fn paint(
         &self,
         region: Rect,
         image: &mut Image<LinearRgba>,
-        mask: Option<&mut Plane>,
+        mask: Option<(&mut Plane, fn(f32, f32) -> f32)>,
     ) -> u64 {
         let width = image.width();
         let rows = region.row * width..region.bottom() * width;
-        let pixels = image.pixels_mut()[rows.clone()].par_chunks_mut(STRIP_ROWS * width);
         let strip_of = |strip: usize, len: usize| {
-            let top = region.row + strip * STRIP_ROWS;
+            let top = region.row + strip * BLOCK;
             Rect::new(region.col, top, region.width, len / width)
         };
         if self.stroke.tool == Tool::Mask {
-            let Some(mask) = mask else { return 0 };
-            let strips = mask.pixels_mut()[rows]
-                .par_chunks_mut(STRIP_ROWS * width)
-                .enumerate();
+            let Some((mask, select)) = mask else { return 0 };
+            let strips = mask.pixels_mut()[rows].par_chunks_mut(BLOCK * width);
             return strips
+                .enumerate()
                 .map(|(strip, out)| {
                     let rect = strip_of(strip, out.len());
                     self.each(rect, |col, row, effect| {
                         let slot = &mut out[(row - rect.row) * width + col];
-                        // selecting again does not select more
-                        *slot = slot.max(effect);
+                        *slot = select(*slot, effect);
                     })
                 })
                 .sum();
         }
-        pixels
+        let strips = image.pixels_mut()[rows].par_chunks_mut(BLOCK * width);
+        strips
             .enumerate()
             .map(|(strip, out)| {
                 let rect = strip_of(strip, out.len());
                 self.each(rect, |col, row, effect| {
-                    out[(row - rect.row) * width + col] = self.painted(col, row, effect);
+                    out[(row - rect.row) * width + col] = if effect > 0.0 {
+                        self.painted(col, row, effect)
+                    } else {
+                        self.before[(col, row)]
+                    };
                 })
             })
             .sum()
@@ -68,68 +73,79 @@ impl Painter<'_> {
 
     /// The effect on each pixel of `region`, which `effect` covers.
     pub fn effect(&self, region: Rect, effect: &mut Plane) {
-        effect.for_each_row(|row, out| {
-            let rect = Rect::new(region.col, region.row + row, region.width, 1);
-            self.each(rect, |col, _, value| out[col - region.col] = value);
+        let width = region.width;
+        let strips = effect.pixels_mut().par_chunks_mut(BLOCK * width);
+        strips.enumerate().for_each(|(strip, out)| {
+            let top = region.row + strip * BLOCK;
+            let rect = Rect::new(region.col, top, width, out.len() / width);
+            self.each(rect, |col, row, value| {
+                out[(row - top) * width + col - region.col] = value;
+            });
         });
     }
 
-    /// Visits the pixels of a rectangle on which the stroke has an effect.
-    fn each(&self, rect: Rect, mut visit: impl FnMut(usize, usize, f32)) -> u64 {
-        let near = self.path.near(rect);
+    /// Visits the pixels of a strip, with the effect of the stroke on each; returns the number with a positive effect.
+    fn each(&self, strip: Rect, mut visit: impl FnMut(usize, usize, f32)) -> u64 {
+        let near = self.path.near(strip);
         let mut count = 0;
-        if near.is_empty() {
-            return 0;
-        }
-        for row in rect.row..rect.bottom() {
-            for col in rect.col..rect.right() {
-                let p = DVec2::new(col as f64 + 0.5, row as f64 + 0.5);
-                let nearest = near.nearest(p);
-                let effect = near.effect(p, nearest.distance, self.stroke.strength) as f32;
-                if effect <= 0.0 {
-                    continue;
-                }
-                let effect = effect * self.edge_mask(col, row, &nearest);
-                if effect > 0.0 {
-                    count += 1;
-                    visit(col, row, effect);
-                }
+        for left in (strip.col..strip.right()).step_by(BLOCK) {
+            let width = BLOCK.min(strip.right() - left);
+            let block = Rect::new(left, strip.row, width, strip.height);
+            let near = near.nearest_within(block);
+            let pixels = (block.row..block.bottom())
+                .flat_map(|row| (block.col..block.right()).map(move |col| (col, row)));
+            for (col, row) in pixels {
+                let effect = match self.effect_at(&near, col, row) {
+                    Some(effect) => effect,
+                    None => continue,
+                };
+                count += u64::from(effect > 0.0);
+                visit(col, row, effect);
             }
         }
         count
     }
 
-    /// 1 where nothing on the way from the brush differs from where it is, 0 beyond an edge.
-    fn edge_mask(&self, col: usize, row: usize, nearest: &Nearest) -> f32 {
-        if !self.stroke.edge_aware {
-            return 1.0;
+    /// The effect on a pixel; `None` if it is nearest to a segment that is not painted.
+    fn effect_at(&self, near: &NearPath, col: usize, row: usize) -> Option<f32> {
+        if near.is_empty() {
+            return (self.first_segment == 0).then_some(0.0);
         }
-        let limit = |v: f64, len: usize| (v.max(0.0) as usize).min(len - 1);
-        let at = |p: DVec2| {
-            self.cells
-                .sides(
-                    limit(p.x, self.before.width()),
-                    limit(p.y, self.before.height()),
-                )
-                .map(|sides| sides.own)
-        };
-        let target = DVec2::new(col as f64 + 0.5, row as f64 + 0.5);
-        let Some(start) = at(nearest.point) else {
+        let p = DVec2::new(col as f64 + 0.5, row as f64 + 0.5);
+        let nearest = near.nearest(p);
+        if nearest.segment < self.first_segment {
+            return None;
+        }
+        let effect = near.effect(p, nearest.distance, self.stroke.strength) as f32;
+        if effect <= 0.0 || !self.stroke.edge_aware {
+            return Some(effect.max(0.0));
+        }
+        Some(effect * self.edge_mask(p, &nearest))
+    }
+
+    /// 1 where nothing on the way from the brush differs from where it is, 0 beyond an edge.
+    fn edge_mask(&self, target: DVec2, nearest: &Nearest) -> f32 {
+        let (width, height) = (self.before.width() as f64, self.before.height() as f64);
+        let from = nearest.point;
+        let last = DVec2::new(width - 0.5, height - 0.5);
+        let at = |p: DVec2| self.cells.own(whole(p.x), whole(p.y));
+        let Some(start) = at(from.clamp(DVec2::ZERO, last)) else {
             return 1.0;
         };
-        let steps = nearest.distance.ceil().max(1.0) as usize;
-        let mut farthest = 0.0f32;
+        let steps = nearest.distance.ceil().max(1.0);
+        let step = (target - from) / steps;
         let bound = self.stroke.edge_tolerance * self.stroke.edge_tolerance;
-        for step in 1..=steps {
-            let p = nearest.point.lerp(target, step as f64 / steps as f64);
-            if let Some(color) = at(p) {
-                let distance_sq = (0..3)
-                    .map(|c| (color[c] - start[c]) * (color[c] - start[c]))
-                    .sum::<f32>();
-                farthest = farthest.max(distance_sq);
-                if farthest >= bound {
-                    return 0.0;
-                }
+        let mut farthest = 0.0f32;
+        for number in 1..=steps as usize {
+            let p = from + number as f64 * step;
+            let Some(color) = at(p.clamp(DVec2::ZERO, last)) else {
+                continue;
+            };
+            let [l, a, b, _] = color;
+            let [l, a, b] = [l - start[0], a - start[1], b - start[2]];
+            farthest = farthest.max(l * l + a * a + b * b);
+            if farthest >= bound {
+                return 0.0;
             }
         }
         // full effect up to half the tolerance
@@ -170,6 +186,13 @@ impl Painter<'_> {
         };
         target.map_or(pixel, |target| mixed(pixel, target, effect))
     }
+}
+
+/// The whole part of a number from 0 to 2³⁰, rounded to 20 binary places before: without the checks of a conversion.
+fn whole(value: f64) -> usize {
+    // the last place of the sum is 2⁻²⁰, so its lower 20 bits are the fraction
+    const SHIFT: f64 = (1_u64 << 32) as f64;
+    ((value + SHIFT).to_bits() >> 20) as u32 as usize
 }
 
 /// The pixel with its Oklab color changed.
