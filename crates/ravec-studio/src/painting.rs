@@ -34,7 +34,7 @@ struct Present {
 /// Maximum number of bytes of a picture that is copied ahead.
 const MAX_COPY_BYTES: usize = 256 << 20;
 
-/// A copy of the picture that is shown, made while the hand rests: the next stroke is painted into it.
+/// A copy of the picture before the first stroke, made while the hand rests: the stroke is painted into it.
 #[derive(Default)]
 struct CopyAhead {
     of: Weak<Picture>,
@@ -106,7 +106,6 @@ impl Painting {
             return Some((Arc::new(picture), None));
         }
         let shown = present.shown.clone();
-        CopyAhead::begin(&present.ahead, shown.picture());
         Some((shown.picture().clone(), Some(Arc::new(shown))))
     }
 

@@ -2,6 +2,7 @@
 
 use super::SourceFrame;
 use crate::content::{Content, View};
+use crate::document::EditId;
 use ravec_jobs::Report;
 use std::collections::{HashMap, VecDeque};
 use std::path::Path;
@@ -30,6 +31,8 @@ pub(super) struct Cache {
     clock: u64,
     /// Views with their keys and exposures, the last one first.
     views: VecDeque<(String, f32, View)>,
+    /// The last result of the brush in the hand: the edit, the key of its input, and that of the result.
+    painted: Option<(EditId, Arc<str>, String)>,
 }
 
 /// The result of an edit.
@@ -69,10 +72,32 @@ impl Cache {
         found
     }
 
-    /// Takes a view that is there already, at no exposure.
-    pub fn insert_view(&mut self, key: &str, view: View) {
-        self.views.push_front((key.to_owned(), 0.0, view));
-        self.views.truncate(MAX_VIEWS);
+    /// Takes a result of the brush in the hand, with its view at no exposure, in place of the one before of the same edit: the brush
+    /// goes back to earlier strokes itself, and paints faster into a picture that nobody holds any more.
+    pub fn insert_painted(
+        &mut self,
+        edit: EditId,
+        input: &Arc<str>,
+        key: &str,
+        cached: Cached,
+        view: Option<View>,
+    ) {
+        let painted = (edit, input.clone(), key.to_owned());
+        if let Some(before) = self.painted.replace(painted)
+            && before.0 == edit
+            && before.1 == *input
+            && before.2 != key
+        {
+            self.views.retain(|(of, ..)| *of != before.2);
+            if let Some(removed) = self.entries.remove(&before.2) {
+                self.bytes -= removed.bytes;
+            }
+        }
+        if let Some(view) = view {
+            self.views.push_front((key.to_owned(), 0.0, view));
+            self.views.truncate(MAX_VIEWS);
+        }
+        self.insert(key, cached);
     }
 
     pub fn get(&mut self, key: &str) -> Option<Cached> {

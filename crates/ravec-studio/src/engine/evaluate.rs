@@ -77,22 +77,25 @@ pub(super) fn evaluate(
             content: result.content.clone(),
         };
         on_run(edit.id, &input);
-        let result_of = match &prepared[done] {
+        let painted = match &prepared[done] {
+            None => painted(edit, &input, painting, progress),
+            Some(_) => None,
+        };
+        done += 1;
+        if let Some((picture, view)) = painted {
+            result = Cached::new(Content::Picture(picture), None);
+            let view = view.map(View::Picture);
+            cache.insert_painted(edit.id, &input.key, &keys[done], result.clone(), view);
+            continue;
+        }
+        let result_of = match &prepared[done - 1] {
             Some((of, number)) => {
                 let context = analyses.context(progress);
                 let content = shots.result(of, &input.content, *number, &context);
                 content.map(|content| (content, None))
             }
-            None => match painted(edit, &input, painting, progress) {
-                Some((picture, view)) => {
-                    if let Some(view) = view {
-                        cache.insert_view(&keys[done + 1], View::Picture(view));
-                    }
-                    Ok((Content::Picture(picture), None))
-                }
-                None => run_in_memory(edit, &input.content, progress)
-                    .map(|(content, report)| (content, Some(report))),
-            },
+            None => run_in_memory(edit, &input.content, progress)
+                .map(|(content, report)| (content, Some(report))),
         };
         let (content, report) = match result_of {
             Ok(done) => done,
@@ -100,7 +103,6 @@ pub(super) fn evaluate(
             Err(RunError::Job(JobError::Cancelled)) => return Err(None),
             Err(RunError::Job(error)) => return Err(failed(error.to_string())),
         };
-        done += 1;
         result = Cached::new(content, report.map(Arc::new));
         cache.insert(&keys[done], result.clone());
     }
