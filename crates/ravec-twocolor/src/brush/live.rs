@@ -5,7 +5,7 @@ use super::cells::Cells;
 use super::history::{Ended, History};
 use super::path::Path;
 use super::stroke::{Problem, Stroke, StrokeError, Tool};
-use super::tool::Painter;
+use super::tool::{Painter, Select};
 use glam::DVec2;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Plane, Rect};
@@ -285,7 +285,7 @@ impl Brush {
             before: &self.canvas.before,
         };
         // where the nearest point of the way has moved, paint may have to go again
-        let replace: fn(f32, f32) -> f32 = |_, effect| effect;
+        let replace: Select = |_, effect| effect;
         let mask = self.mask.as_mut().map(|mask| (mask, replace));
         painter.paint(region, &mut self.canvas.image, mask);
         self.path = Some(path);

@@ -38,7 +38,7 @@ use cells::Cells;
 use path::Path;
 use ravec_progress::Progress;
 use ravec_raster::{Image, LinearRgba, Plane, Rect};
-use tool::Painter;
+use tool::{Painter, Select};
 
 /// The result of applying strokes to a picture.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,6 +106,6 @@ fn paint(
         before: &canvas.before,
     };
     // selecting again does not select more
-    let mask = mask.as_mut().map(|mask| (mask, f32::max as fn(_, _) -> _));
+    let mask = mask.as_mut().map(|mask| (mask, f32::max as Select));
     Ok(painter.paint(region, &mut canvas.image, mask))
 }

@@ -15,6 +15,9 @@ const TONE_SHARE: f32 = 0.5;
 /// Side of the blocks whose pixels share the segments that may be nearest; rows painted by one task.
 const BLOCK: usize = 8;
 
+/// The new value of a mask, of the old one and the effect of a stroke.
+pub(crate) type Select = fn(f32, f32) -> f32;
+
 /// A stroke at work.
 pub(crate) struct Painter<'a> {
     pub stroke: &'a Stroke,
@@ -33,7 +36,7 @@ impl Painter<'_> {
         &self,
         region: Rect,
         image: &mut Image<LinearRgba>,
-        mask: Option<(&mut Plane, fn(f32, f32) -> f32)>,
+        mask: Option<(&mut Plane, Select)>,
     ) -> u64 {
         let width = image.width();
         let rows = region.row * width..region.bottom() * width;
@@ -95,9 +98,8 @@ impl Painter<'_> {
             let pixels = (block.row..block.bottom())
                 .flat_map(|row| (block.col..block.right()).map(move |col| (col, row)));
             for (col, row) in pixels {
-                let effect = match self.effect_at(&near, col, row) {
-                    Some(effect) => effect,
-                    None => continue,
+                let Some(effect) = self.effect_at(&near, col, row) else {
+                    continue;
                 };
                 count += u64::from(effect > 0.0);
                 visit(col, row, effect);
