@@ -227,6 +227,7 @@ impl Brush {
             stroke: &stroke,
             path: &path,
             first_segment: 0,
+            replaced: None,
             cells: &ahead,
             before: &self.canvas.image,
         };
@@ -281,6 +282,7 @@ impl Brush {
             stroke: &self.stroke,
             path: &path,
             first_segment,
+            replaced: painted.as_ref().filter(|painted| !path.continues(painted)),
             cells: &self.cells,
             before: &self.canvas.before,
         };

@@ -18,7 +18,7 @@
 //! live ([`Brush`]) and replayed ([`replay`]), whole or cut, on any number of threads. Does not guarantee: that edges fainter
 //! than the tolerance hold paint back.
 //!
-//! Cost: one exact fit a pixel under the stroke. Memory: two copies of the picture, and 32 bytes a pixel under the stroke;
+//! Cost: one exact fit a pixel under the stroke. Memory: two copies of the picture, and 44 bytes a pixel under the stroke;
 //! live strokes that have ended keep the pixels that they changed, at most 256 MiB, so that they can be taken off again.
 
 mod canvas;
@@ -102,6 +102,7 @@ fn paint(
         stroke,
         path: &path,
         first_segment: 0,
+        replaced: None,
         cells: &cells,
         before: &canvas.before,
     };

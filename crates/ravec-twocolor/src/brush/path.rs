@@ -126,6 +126,11 @@ impl Path {
         shared.saturating_sub(1)
     }
 
+    /// True if the path goes on from the end of an earlier state, all of whose segments it has.
+    pub fn continues(&self, before: &Self) -> bool {
+        self.points.starts_with(&before.points)
+    }
+
     /// True if the effect at a pixel is that of its nearest segment alone.
     pub fn is_by_distance(&self) -> bool {
         self.dabs.is_none()
@@ -180,30 +185,24 @@ impl NearPath {
         }
     }
 
-    /// The nearest point of the path.
-    ///
-    /// # Panics
-    /// If no part of the path is near.
-    pub fn nearest(&self, p: DVec2) -> Nearest {
-        let mut best = self.segments[0].nearest(p);
-        for segment in &self.segments[1..] {
+    /// The nearest point of the path; `None` if no part of it is near.
+    pub fn nearest(&self, p: DVec2) -> Option<Nearest> {
+        let (first, rest) = self.segments.split_first()?;
+        let mut best = first.nearest(p);
+        for segment in rest {
             let found = segment.nearest(p);
             if found.distance < best.distance {
                 best = found;
             }
         }
-        best
-    }
-
-    /// Returns `true` if no part of the path is near.
-    pub fn is_empty(&self) -> bool {
-        self.segments.is_empty()
+        Some(best)
     }
 
     /// Returns `true` if the path comes within its radius of a rectangle.
     pub fn reaches(&self, rect: Rect) -> bool {
         let (middle, half_diagonal) = circle_around(rect);
-        !self.is_empty() && self.nearest(middle).distance - half_diagonal < self.radius
+        let nearest = self.nearest(middle);
+        nearest.is_some_and(|nearest| nearest.distance - half_diagonal < self.radius)
     }
 
     /// The effect at a distance from the path, 0 to 1.
@@ -322,7 +321,7 @@ mod tests {
             DVec2::new(130.0, 15.0),
             DVec2::new(159.0, 29.0),
         ] {
-            if all.nearest(p).distance < 10.0 {
+            if all.nearest(p).unwrap().distance < 10.0 {
                 assert_eq!(near.nearest(p), all.nearest(p));
             }
         }
@@ -350,6 +349,7 @@ mod tests {
         ]);
         // the end of the third segment has moved on
         assert_eq!(longer.first_change(&bent), 2);
+        assert!(!longer.continues(&bent) && longer.continues(&path(vec![[0.0, 0.0]])));
         assert_eq!(longer.first_change(&longer), 4);
         assert_eq!(bent.first_change(&path(vec![[0.0, 0.0]])), 0);
         assert_eq!(bent.first_change(&path(vec![[1.0, 0.0]])), 0);

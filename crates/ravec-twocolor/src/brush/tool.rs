@@ -24,6 +24,8 @@ pub(crate) struct Painter<'a> {
     pub path: &'a Path,
     /// Number of the first segment whose pixels are painted: those that are nearest to one before it stay as they are.
     pub first_segment: usize,
+    /// The path that was painted before, if segments of it are gone: pixels that were nearest to them are painted too.
+    pub replaced: Option<&'a Path>,
     pub cells: &'a Cells,
     /// The picture before the stroke.
     pub before: &'a Image<LinearRgba>,
@@ -90,15 +92,17 @@ impl Painter<'_> {
     /// Visits the pixels of a strip, with the effect of the stroke on each; returns the number with a positive effect.
     fn each(&self, strip: Rect, mut visit: impl FnMut(usize, usize, f32)) -> u64 {
         let near = self.path.near(strip);
+        let replaced = self.replaced.map(|path| path.near(strip));
         let mut count = 0;
         for left in (strip.col..strip.right()).step_by(BLOCK) {
             let width = BLOCK.min(strip.right() - left);
             let block = Rect::new(left, strip.row, width, strip.height);
             let near = near.nearest_within(block);
+            let replaced = replaced.as_ref().map(|near| near.nearest_within(block));
             let pixels = (block.row..block.bottom())
                 .flat_map(|row| (block.col..block.right()).map(move |col| (col, row)));
             for (col, row) in pixels {
-                let Some(effect) = self.effect_at(&near, col, row) else {
+                let Some(effect) = self.effect_at(&near, replaced.as_ref(), col, row) else {
                     continue;
                 };
                 count += u64::from(effect > 0.0);
@@ -109,15 +113,25 @@ impl Painter<'_> {
     }
 
     /// The effect on a pixel; `None` if it is nearest to a segment that is not painted.
-    fn effect_at(&self, near: &NearPath, col: usize, row: usize) -> Option<f32> {
-        if near.is_empty() {
-            return (self.first_segment == 0).then_some(0.0);
-        }
+    fn effect_at(
+        &self,
+        near: &NearPath,
+        replaced: Option<&NearPath>,
+        col: usize,
+        row: usize,
+    ) -> Option<f32> {
         let p = DVec2::new(col as f64 + 0.5, row as f64 + 0.5);
+        let stays = |nearest: Option<Nearest>| match nearest {
+            Some(nearest) => nearest.segment < self.first_segment,
+            None => self.first_segment > 0,
+        };
         let nearest = near.nearest(p);
-        if nearest.segment < self.first_segment {
+        if stays(nearest) && replaced.is_none_or(|replaced| stays(replaced.nearest(p))) {
             return None;
         }
+        let Some(nearest) = nearest else {
+            return Some(0.0);
+        };
         let effect = near.effect(p, nearest.distance, self.stroke.strength) as f32;
         if effect <= 0.0 || !self.stroke.edge_aware {
             return Some(effect.max(0.0));
