@@ -533,7 +533,14 @@ impl MeshCanvas {
 
     /// Asks for a draft of what is new, unless the GPU draws it, and for a fine picture once the hand rests.
     fn request(&mut self, ui: &Ui, wanted: Wanted, has_layers: bool) {
-        self.held = self.at_rest == AtRest::Drafts || ui.input(|input| input.pointer.any_down());
+        let is_down = ui.input(|input| input.pointer.any_down());
+        self.held = self.at_rest == AtRest::Drafts || is_down;
+        let is_resized =
+            (self.requested.as_ref()).is_some_and(|(known, _)| known.is_resized(&wanted));
+        if is_resized && self.at_rest == AtRest::Drafts && !is_down {
+            // the mesh that is about to take the place of this one has the processor
+            return;
+        }
         let known = self.requested.take();
         let fine = match known {
             Some((known, fine)) if known == wanted => {

@@ -67,6 +67,16 @@ pub(super) struct Look {
 }
 
 impl Wanted {
+    /// True if another picture shows the same at another size.
+    pub fn is_resized(&self, other: &Self) -> bool {
+        let same_size = Self {
+            camera: self.camera,
+            size: self.size,
+            ..other.clone()
+        };
+        self.size != other.size && *self == same_size
+    }
+
     /// The mesh and its ghost, with their looks.
     pub fn meshes(&self) -> impl Iterator<Item = (&Arc<ShownMesh>, Look)> {
         let mesh = Look {

@@ -7,9 +7,6 @@ use std::time::Duration;
 /// Drafts that take longer become coarser, so that ten appear in a second.
 const DRAFT_TIME: Duration = Duration::from_millis(80);
 
-/// Triangles from which the first drafts have a quarter of the pixels: a tenth of a second at all of them.
-const MANY_TRIANGLES: usize = 400_000;
-
 /// Fineness of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Quality {
@@ -54,6 +51,9 @@ const DRAFTS: [Quality; 5] = [
     },
 ];
 
+/// Coarseness of the first draft of a mesh, which finds out what does not depend on the view.
+const FIRST: usize = 1;
+
 /// Coarseness of drafts, by the time that they took.
 #[derive(Default)]
 pub(super) struct Pace {
@@ -70,7 +70,7 @@ impl Pace {
         let known = self.mesh.as_ref();
         self.first = !known.is_some_and(|known| Arc::ptr_eq(known, mesh));
         if self.first {
-            self.level = usize::from(mesh.triangles().len() > MANY_TRIANGLES);
+            self.level = FIRST;
             self.slow = None;
             self.mesh = Some(mesh.clone());
         }
@@ -106,9 +106,11 @@ mod tests {
         let mesh = TriMesh::new(Vec::new(), Vec::new());
         let mut pace = Pace::default();
         let mesh = Arc::new(mesh.unwrap());
-        assert_eq!(pace.quality(&mesh), DRAFTS[0]);
+        assert_eq!(pace.quality(&mesh), DRAFTS[FIRST]);
         // the first draft computes what is kept
         pace.record(10 * DRAFT_TIME);
+        assert_eq!(pace.quality(&mesh), DRAFTS[FIRST]);
+        pace.record(DRAFT_TIME / 9);
         assert_eq!(pace.quality(&mesh), DRAFTS[0]);
         pace
     }
