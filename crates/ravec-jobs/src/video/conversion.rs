@@ -7,7 +7,7 @@ use ravec_video::{FrameTime, Rational};
 
 /// A conversion of one frame after the other: takes a range, and brings what is left to a constant rate.
 ///
-/// `T` is whatever belongs to a frame; frames that are repeated clone it. Sizes and encodings are left to the caller.
+/// `T` is the content of a frame, which repeated frames clone. Sizes and encodings are left to the caller.
 pub struct Conversion<T> {
     range: FrameRange,
     pace: Option<Pace<T>>,

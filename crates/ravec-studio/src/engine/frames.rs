@@ -46,8 +46,8 @@ impl FrameAt {
         Self { place: Some(place) }
     }
 
-    /// Passes the next edit. What is needed to apply it, and the number of the frame in its input; `None` for an edit that needs
-    /// the picture only.
+    /// Passes the next edit. Returns the inputs by which it applies to the frame, and the number of the frame in its input; `None` for
+    /// an edit that needs the picture only.
     pub fn prepare(
         &mut self,
         edit: &Edit,
