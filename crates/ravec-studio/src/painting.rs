@@ -69,9 +69,7 @@ impl CopyAhead {
 
     /// The copy of a picture, if it is there.
     fn take(&mut self, picture: &Arc<Picture>) -> Option<Arc<Picture>> {
-        let copy = self
-            .copy
-            .take_if(|_| self.of.as_ptr() == Arc::as_ptr(picture));
+        let copy = self.copy.take().filter(|_| self.is_of(picture));
         *self = Self::default();
         copy
     }

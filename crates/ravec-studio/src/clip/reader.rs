@@ -297,14 +297,17 @@ impl Frames<'_> {
 
     /// The stamp of the first frame; that of this frame if the first one cannot be read.
     fn origin(&mut self, number: u64, frame: &Frame) -> i64 {
-        if self.origin.is_none() {
-            self.origin = match number {
-                0 => Some(frame.time.start),
-                // it is rarely not the first one that is asked for
-                _ => (self.access.frame(0).ok().flatten()).map(|first| first.time.start),
-            };
+        if let Some(origin) = self.origin {
+            return origin;
         }
-        self.origin.unwrap_or(frame.time.start)
+        // mostly the first frame is the one that is asked for first
+        let first = match number {
+            0 => None,
+            _ => self.access.frame(0).ok().flatten(),
+        };
+        let origin = first.map_or(frame.time.start, |first| first.time.start);
+        self.origin = Some(origin);
+        origin
     }
 
     fn find(&mut self, number: u64) -> Result<Option<Arc<Frame>>, Option<String>> {
