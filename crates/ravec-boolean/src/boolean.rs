@@ -1,6 +1,7 @@
 //! The whole way from meshes and an expression to the result.
 
-use ravec_mesh::{Aabb, CandidateTree, TriMesh};
+use glam::DVec3;
+use ravec_mesh::{Aabb, CandidateTree, Coordinates, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Pieces, Soup, cut, one_for_each_place, testable, uncut};
@@ -10,8 +11,9 @@ use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
 use crate::near::{coarsened, merge_near};
 use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
-use crate::repair::repair;
+use crate::repair::{repair, round_to};
 use crate::select::{Draft, Parent, select};
+use crate::separate::{Separated, separate};
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
 const MAX_COORDINATE: f64 = 1e30;
@@ -24,7 +26,8 @@ const MAX_SPLITS: u32 = 8;
 const MIN_EXTENT: f64 = 1e-50;
 
 /// Coarsening of the input after a result that cannot be rounded without self-intersections. Numbers are in units of
-/// the last place of the largest coordinate.
+/// the last place of the largest coordinate, as a double.
+#[derive(Clone, Copy)]
 enum Coarser {
     /// Merges what is nearer than that.
     MergeNear(f64),
@@ -32,15 +35,31 @@ enum Coarser {
     Grid(f64),
 }
 
-/// Distance within which vertices are merged that make triangles meet, in the same units, while the input is as it was
-/// given. Afterwards it is twice the number above.
-const FIRST_REACH: f64 = 8.0;
+/// Distance within which vertices are merged that make triangles meet, while the input is as it was given, in units of the
+/// last place of the numbers of the result. Afterwards it is at least twice the number above.
+fn first_reach(coordinates: Coordinates) -> f64 {
+    match coordinates {
+        Coordinates::Double => 8.0,
+        Coordinates::Single => 2.0,
+    }
+}
 
-/// Attempts, in this order. The last moves vertices by some billionths of the size, less than rounding to 32-bit floats does.
+/// Attempts for results of doubles, in this order. The last moves vertices by some billionths of the size, less than rounding
+/// to 32-bit floats does.
 const COARSER: [Coarser; 3] = [
     Coarser::MergeNear(64.0),
     Coarser::Grid(65536.0),
     Coarser::Grid(16_777_216.0),
+];
+
+/// Attempts for results of 32-bit floats: the last ones move vertices by some units in the last place of these.
+const COARSER_SINGLE: [Coarser; 6] = [
+    Coarser::MergeNear(64.0),
+    Coarser::Grid(16_777_216.0),
+    Coarser::Grid(1_073_741_824.0),
+    Coarser::Grid(2_147_483_648.0),
+    Coarser::Grid(4_294_967_296.0),
+    Coarser::Grid(8_589_934_592.0),
 ];
 
 /// Bytes that a triangle of the input costs, as measured with surfaces that meet in curves, of which few triangles are cut: 165
@@ -98,8 +117,13 @@ pub fn boolean(
     let largest = given.positions.iter().map(|p| p.abs().max_element());
     let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
     let mut soup = given;
-    let mut reach = FIRST_REACH * ulp;
-    let mut coarser = COARSER.iter();
+    let own_ulp = ulp / f64::EPSILON * params.coordinates.epsilon();
+    let first_reach = first_reach(params.coordinates) * own_ulp;
+    let mut reach = first_reach;
+    let mut coarser = match params.coordinates {
+        Coordinates::Double => COARSER.iter(),
+        Coordinates::Single => COARSER_SINGLE.iter(),
+    };
     let (parents, finished) = loop {
         let tree = soup.tree(progress)?;
         let draft = {
@@ -114,18 +138,20 @@ pub fn boolean(
             let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
             select(&pieces, &cells, &inside, progress)?
         };
-        let rounded = round_off(draft, &soup, tree, reach, &mut report, progress)?;
-        let is_sound = report.self_intersections == 0 && rounded.1.closed;
-        let next = coarser.next().filter(|_| !is_sound);
+        let mut rounded = round_off(draft, &soup, tree, reach, params, &mut report, progress)?;
+        if params.separate {
+            keep_apart(&mut rounded.1, params, &mut report, progress)?;
+        }
+        let next = coarser.next().filter(|_| !is_sound(&rounded.1, &report));
         soup = match next {
             None => break rounded,
             Some(&Coarser::MergeNear(ulps)) => {
-                reach = 2.0 * ulps * ulp;
+                reach = first_reach.max(2.0 * ulps * ulp);
                 report.moved = ulps * ulp;
                 merge_near(&soup, ulps * ulp, |_| true, progress)?
             }
             Some(&Coarser::Grid(ulps)) => {
-                reach = 2.0 * ulps * ulp;
+                reach = first_reach.max(2.0 * ulps * ulp);
                 report.moved = 1.5 * ulps * ulp;
                 coarsened(
                     &Soup::of(&list, &closings, &sound, progress)?,
@@ -136,13 +162,17 @@ pub fn boolean(
         };
     };
     progress.check()?;
-    let origins = origins(&parents, &soup, meshes);
+    let is_sound = is_sound(&finished, &report);
+    let mut origins = origins(&parents, &soup, meshes);
     progress.check()?;
     let mesh = TriMesh::new(finished.positions, finished.triangles)
         .expect("vertices were numbered as they were used");
+    if report.rounded > 0.0 || report.separated > 0 {
+        mark_whole(&mut origins, &mesh, meshes, params.coordinates);
+    }
     report.triangles = mesh.triangles().len() as u64;
     report.kept_triangles = origins.iter().filter(|o| o.whole).count() as u64;
-    report.solid = finished.closed && report.self_intersections == 0;
+    report.solid = is_sound;
     progress.check()?;
     report.volume = ravec_mesh::measure(&mesh).volume;
     Ok(Boolean {
@@ -151,6 +181,31 @@ pub fn boolean(
         feature_edges: finished.features,
         report,
     })
+}
+
+/// Returns `true` if a result is the surface of a solid for the readers of its format.
+fn is_sound(finished: &Finished, report: &BooleanReport) -> bool {
+    finished.closed && report.self_intersections == 0 && report.shared_places == 0
+}
+
+/// Gives each vertex of a result without self-intersections a place of its own.
+fn keep_apart(
+    finished: &mut Finished,
+    params: &BooleanParams,
+    report: &mut BooleanReport,
+    progress: &Progress,
+) -> Result<(), Cancelled> {
+    report.shared_places = 0;
+    let separated = if is_sound(finished, report) {
+        separate(finished, params.coordinates, progress)?
+    } else {
+        Separated::default()
+    };
+    report.separated = separated.vertices;
+    report.separation = separated.moved;
+    report.shared_places = separated.shared;
+    report.self_intersections += separated.faults;
+    Ok(())
 }
 
 /// The triangle of the meshes that each triangle of the result is or lies in.
@@ -175,6 +230,22 @@ fn origins(parents: &[Parent], soup: &Soup, meshes: &[TriMesh]) -> Vec<Origin> {
         .collect()
 }
 
+/// Marks triangles that have the corners of the triangle they come from, rounded.
+fn mark_whole(
+    origins: &mut [Origin],
+    mesh: &TriMesh,
+    meshes: &[TriMesh],
+    coordinates: Coordinates,
+) {
+    for (t, origin) in (0..).zip(origins) {
+        let source = &meshes[origin.mesh as usize];
+        origin.whole = origin.triangle.is_some_and(|own| {
+            let own = source.corners(own).map(|p| coordinates.nearest(p));
+            mesh.corners(t).iter().all(|p| own.contains(p))
+        });
+    }
+}
+
 /// Counts pairs of triangles that meet, in all and within one mesh, unless they were counted before.
 fn count_contacts(pieces: &Pieces, report: &mut BooleanReport) {
     if report.intersecting_pairs > 0 {
@@ -196,9 +267,12 @@ fn round_off(
     soup: &Soup,
     tree: CandidateTree,
     reach: f64,
+    params: &BooleanParams,
     report: &mut BooleanReport,
     progress: &Progress,
 ) -> Result<(Vec<Parent>, Finished), Cancelled> {
+    let coordinates = params.coordinates;
+    report.rounded = round_to(&mut draft, coordinates);
     let mut tree = Some(tree);
     for attempt in 0.. {
         // what follows takes as much memory as the tree, which is seldom needed again
@@ -206,7 +280,7 @@ fn round_off(
             Some(tree) => tree,
             None => soup.tree(progress)?,
         };
-        let repaired = repair(draft, &around, reach, progress)?;
+        let repaired = repair(draft, &around, reach, coordinates, progress)?;
         drop(around);
         report.repair_rounds += repaired.rounds;
         report.moved += repaired.moved;
@@ -231,7 +305,7 @@ fn round_off(
             triangles: flat.triangles,
             parents,
         };
-        draft = split_edges(rounded, &finished.pinched);
+        draft = split_edges(rounded, &finished.pinched, coordinates);
     }
     unreachable!("the last attempt returns")
 }
@@ -287,6 +361,16 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
         let in_range = largest == 0.0 || (MIN_EXTENT..=MAX_COORDINATE).contains(&largest);
         if !bounds.is_empty() && !in_range {
             return Err(BooleanError::OutOfRange { mesh, largest });
+        }
+        if params
+            .coordinates
+            .nearest(DVec3::splat(largest))
+            .is_finite()
+        {
+            continue;
+        }
+        if !bounds.is_empty() {
+            return Err(BooleanError::BeyondSinglePrecision { mesh, largest });
         }
     }
     let pruned = expr.clone().flattened().pruned(&bounds);

@@ -6,6 +6,7 @@
 //! one for each sheet.
 
 use glam::DVec3;
+use ravec_mesh::Coordinates;
 use ravec_progress::{Cancelled, Progress};
 use rustc_hash::FxHashMap;
 
@@ -35,7 +36,7 @@ fn key(p: DVec3) -> [u64; 3] {
 
 /// Puts a vertex into the middle of edges, which are given by their ends: a fan of its own for each sheet to come. Edges too
 /// short for that are contracted.
-pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
+pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]], coordinates: Coordinates) -> Draft {
     let mut middle_of = FxHashMap::default();
     let Draft {
         mut positions,
@@ -44,9 +45,9 @@ pub(crate) fn split_edges(draft: Draft, edges: &[[DVec3; 2]]) -> Draft {
     } = draft;
     let mut ends_of = FxHashMap::default();
     for &[a, b] in edges {
-        let at = a.midpoint(b);
+        let at = coordinates.nearest(a.midpoint(b));
         if at == a || at == b {
-            // neighboring doubles: with nothing between them they become one
+            // neighboring numbers: with nothing between them they become one
             ends_of.insert(key(b), a);
             continue;
         }

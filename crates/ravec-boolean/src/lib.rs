@@ -15,6 +15,7 @@ mod near;
 mod params;
 mod repair;
 mod select;
+mod separate;
 
 pub use boolean::boolean;
 pub use expr::{Expr, Known, ParseExprError};

@@ -1,6 +1,6 @@
 //! Parameters, report and errors of Booleans.
 
-use ravec_mesh::TriMesh;
+use ravec_mesh::{Coordinates, TriMesh};
 
 /// The places that count as inside a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,6 +32,13 @@ pub enum Inside {
 pub struct BooleanParams {
     /// The places that count as inside each mesh.
     pub inside: Inside,
+    /// Precision of the coordinates of the result (default double). With single precision the result is rounded to 32-bit
+    /// floats and repaired on these, so that the report holds for a file that stores nothing else.
+    pub coordinates: Coordinates,
+    /// Give each vertex of the result a place of its own (default false), for formats such as STL whose readers join
+    /// vertices at equal places. Where solids touch in an edge or a vertex, both are drawn back by some millionths of the
+    /// largest coordinate.
+    pub separate: bool,
     /// The most memory to use, in bytes; no limit if not given. The need is estimated from the number of triangles, and
     /// once more when it is known how many of them meet; an estimate may be too low where very many meet in one place.
     pub memory_bytes: Option<u64>,
@@ -47,7 +54,8 @@ pub struct Origin {
     pub triangle: Option<u32>,
     /// `true` if it is seen from its other side in the result.
     pub reversed: bool,
-    /// `true` if it is that triangle, whole and unchanged, and not a piece of it.
+    /// `true` if it is that triangle, whole and unchanged but for rounding to [`BooleanParams::coordinates`], and not a
+    /// piece of it.
     pub whole: bool,
 }
 
@@ -91,9 +99,18 @@ pub struct BooleanReport {
     pub repair_rounds: u32,
     /// The farthest that repair may have moved a vertex along an axis, beyond rounding to double precision.
     pub moved: f64,
+    /// Largest change of a coordinate by rounding to [`BooleanParams::coordinates`]; 0 for double precision.
+    pub rounded: f64,
+    /// Vertices that were moved to give each a place of its own: see [`BooleanParams::separate`].
+    pub separated: u64,
+    /// Largest distance by which these were moved along an axis.
+    pub separation: f64,
+    /// Vertices that share the place of another although [`BooleanParams::separate`] asks for places of their own.
+    pub shared_places: u64,
     /// Pairs of triangles of the result that meet where they should not: 0 unless repair failed.
     pub self_intersections: u64,
-    /// `true` if the result is closed, manifold and consistently oriented.
+    /// `true` if the result is closed, manifold, consistently oriented and free of self-intersections, as a reader of a file with
+    /// [`BooleanParams::coordinates`] and [`BooleanParams::separate`] sees it.
     pub solid: bool,
     /// Volume inside the result.
     pub volume: f64,
@@ -141,6 +158,17 @@ pub enum BooleanError {
         needed: u64,
         /// Bytes allowed.
         allowed: u64,
+    },
+    /// Coordinates exceed the range of 32-bit floats, which were asked for.
+    #[error(
+        "mesh {mesh} has coordinates of up to {largest:e}, beyond the range of 32-bit floats: scale it, or write a format with 64-bit \
+         floats (PLY, OBJ, OFF, 3MF)"
+    )]
+    BeyondSinglePrecision {
+        /// Index of the mesh.
+        mesh: usize,
+        /// The largest coordinate by size.
+        largest: f64,
     },
     /// The caller cancelled.
     #[error("cancelled")]

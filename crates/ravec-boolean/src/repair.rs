@@ -1,7 +1,7 @@
-//! Rounding to doubles, and the repair of its self-intersections.
+//! Rounding to the numbers of the result, and the repair of its self-intersections.
 //!
-//! Points of cuts fall between doubles. Rounded, triangles thinner than an ulp may turn over, meet others or vanish. New
-//! triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
+//! Points of cuts fall between doubles, and between 32-bit floats all the more. Rounded, triangles thinner than an ulp may turn
+//! over, meet others or vanish. New triangles are therefore compared with all around them, by exact tests of the rounded corners, and if any two meet
 //! where they should not, the rounded surface is taken for an input of its own: cut along itself, and reduced to the
 //! border of what it winds around. That is rounded again, and so on. From the second round on, vertices of triangles
 //! that meet are first merged with each other, and with edges and triangles, where they are near to them; the reach grows from
@@ -13,7 +13,7 @@
 //! or an edge. Does not guarantee that this is reached.
 
 use glam::DVec3;
-use ravec_mesh::{Aabb, CandidateTree, TriMesh};
+use ravec_mesh::{Aabb, CandidateTree, Coordinates, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Soup, cut};
@@ -30,8 +30,37 @@ const SPARSE: usize = 50;
 /// Growth per round of the distance within which vertices are merged.
 const GROWTH: f64 = 4.0;
 
-/// The reach does not grow beyond this share of the largest coordinate, the precision of 32-bit floats.
-const FARTHEST: f64 = 6e-8;
+/// The reach does not grow beyond this share of the largest coordinate: half a unit in the last place of 32-bit floats, or
+/// some such units where the result is rounded to these.
+fn farthest(coordinates: Coordinates) -> f64 {
+    match coordinates {
+        Coordinates::Double => 6e-8,
+        Coordinates::Single => 32.0 * coordinates.epsilon(),
+    }
+}
+
+/// Rounds the places of a draft, and gives the largest change of a coordinate. Triangles with a corner that changes are not
+/// whole any more.
+pub(crate) fn round_to(draft: &mut Draft, coordinates: Coordinates) -> f64 {
+    let mut largest = 0.0_f64;
+    if coordinates == Coordinates::Double {
+        return largest;
+    }
+    let mut has_changed = vec![false; draft.positions.len()];
+    for (p, has_changed) in draft.positions.iter_mut().zip(&mut has_changed) {
+        let rounded = coordinates.nearest(*p);
+        let change = (rounded - *p).abs().max_element();
+        *has_changed = change > 0.0;
+        largest = largest.max(change);
+        *p = rounded;
+    }
+    if largest > 0.0 {
+        for (corners, parent) in draft.triangles.iter().zip(&mut draft.parents) {
+            parent.whole &= !corners.iter().any(|&v| has_changed[v as usize]);
+        }
+    }
+    largest
+}
 
 /// A repaired surface.
 pub(crate) struct Repaired {
@@ -43,8 +72,8 @@ pub(crate) struct Repaired {
     pub moved: f64,
 }
 
-/// Repairs a draft whose triangles that are whole are known to meet each other properly. `input` holds the triangles that
-/// parents are named after; `reach` is how near vertices are merged in the second round, the first that does.
+/// Repairs a draft over `coordinates` whose triangles that are whole are known to meet each other properly. `input` holds the
+/// triangles that parents are named after; `reach` is how near vertices are merged in the second round, the first that does.
 ///
 /// # Errors
 /// [`Cancelled`] soon after `progress` is.
@@ -52,11 +81,12 @@ pub(crate) fn repair(
     mut draft: Draft,
     input: &CandidateTree,
     mut reach: f64,
+    coordinates: Coordinates,
     progress: &Progress,
 ) -> Result<Repaired, Cancelled> {
     let mut found = conflicts(&draft, input, progress)?;
     let largest = input.bounds().min.abs().max(input.bounds().max.abs());
-    let most = FARTHEST * largest.max_element();
+    let most = farthest(coordinates) * largest.max_element();
     let (mut rounds, mut moved) = (0, 0.0);
     let mut contacts = usize::MAX;
     while !found.is_empty() && rounds < MAX_ROUNDS && found.len() <= contacts {
@@ -97,6 +127,9 @@ pub(crate) fn repair(
             .map(|cell| cells.winding(cell)[0] > 0)
             .collect();
         let mut next = select(&pieces, &cells, &inside, progress)?;
+        for p in &mut next.positions {
+            *p = coordinates.nearest(*p);
+        }
         for parent in &mut next.parents {
             let source = soup.sources[parent.triangle as usize];
             let before = draft.parents[source.triangle as usize];

@@ -9,9 +9,12 @@ use std::fmt::Write as _;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// The report for a reader: files, figures, warnings, time.
+/// The report for a reader: verdict, files, figures, findings, time.
 pub fn summary(report: &Report) -> String {
     let mut text = String::new();
+    if let Some(verdict) = report.verdict.line(report.passed) {
+        put(&mut text, format_args!("{verdict}"));
+    }
     for file in &report.inputs {
         line(&mut text, "read", file);
     }
@@ -35,11 +38,6 @@ pub fn summary(report: &Report) -> String {
     }
     for finding in &report.findings {
         list(&mut text, finding);
-    }
-    match report.passed {
-        Some(true) => put(&mut text, format_args!("passed")),
-        Some(false) => put(&mut text, format_args!("not passed")),
-        None => {}
     }
     if let Some(seed) = report.seed {
         put(&mut text, format_args!("seed {seed}"));
@@ -241,12 +239,12 @@ mod tests {
         assert_eq!(
             text.lines().collect::<Vec<_>>(),
             [
+                "not passed",
                 "self-intersections: 3",
                 "  triangles 4 and 9 at (0.5000, 12, -1) - crossing",
                 "  and 2 more",
                 "unused vertices: 1",
                 "  vertex 7 at (0, 0, 0)",
-                "not passed",
             ]
         );
     }

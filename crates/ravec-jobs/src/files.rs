@@ -7,11 +7,23 @@ use crate::report::{FileReport, Report};
 use ravec::raster::Size;
 pub(crate) use ravec_files::is_stream;
 use ravec_files::{check_writable, remove_stale_in, write_atomically};
-use ravec_media::{EncodeError, Format, Picture, SampleKind, WriteOptions};
+use ravec_media::{EncodeError, Format, Picture, SampleKind, Warning, WarningKind, WriteOptions};
 use std::collections::HashSet;
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::Path;
+
+/// Records what reading or writing a picture has changed, dropped or assumed.
+fn record_warnings(warnings: &[Warning], path: &Path, report: &mut Report) {
+    for warning in warnings {
+        let sentence = format!("{}: {warning}", path.display());
+        match warning.kind() {
+            WarningKind::Assumed => report.record_assumed(sentence),
+            WarningKind::Changed => report.record_changed(sentence),
+            WarningKind::Dropped => report.record_dropped(sentence),
+        }
+    }
+}
 
 /// Reads a picture for an operation, or takes it from memory: records the file and its warnings in the report, and protects it
 /// from the outputs of the run.
@@ -30,9 +42,7 @@ pub fn read(path: &Path, report: &mut Report, context: &Context) -> Result<Pictu
     let phase = context.progress.phase("read", 1);
     let picture = report.time("read", || ravec_media::read(path, &context.limits))?;
     phase.advance(1);
-    for warning in &picture.warnings {
-        report.warn(format!("{}: {warning}", path.display()));
-    }
+    record_warnings(&picture.warnings, path, report);
     let format = picture.origin.format.map_or("none", |format| format.name());
     let file = described(path, format, picture.origin.sample, &picture);
     report.inputs.push(file);
@@ -223,9 +233,7 @@ pub(crate) fn write(
     report.check_output(path)?;
     tracing::info!("writing {}", path.display());
     let warnings = report.time("write", || ravec_media::write(path, picture, options))?;
-    for warning in warnings {
-        report.warn(format!("{}: {warning}", path.display()));
-    }
+    record_warnings(&warnings, path, report);
     let format = format_of(path, picture, options);
     let sample = format.nearest_sample(options.sample.unwrap_or(picture.origin.sample));
     let mut file = described(path, format.name(), sample, picture);

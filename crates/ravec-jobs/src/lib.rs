@@ -25,7 +25,7 @@
 //! finished before a failure are removed.
 //!
 //! Words: the *context* of a run is its progress, its limits and its intermediate results; a *figure* is a measured number
-//! with its unit in its name; a *finding* is a list of places, such as the boundary edges of a mesh.
+//! with its unit in its name; a *verdict* is about the file that was written; a *finding* is a list of places, such as the boundary edges of a mesh.
 
 pub mod brush;
 pub mod catalogue;
@@ -58,6 +58,7 @@ mod step;
 mod text;
 pub mod track;
 pub mod twocolor;
+mod verdict;
 pub mod video;
 
 pub use context::Context;
@@ -75,3 +76,4 @@ pub use recipe::Recipe;
 pub use report::{FileReport, Finding, Place, Report, Timing};
 pub use step::Step;
 pub use text::{escape_controls, escape_except};
+pub use verdict::Verdict;

@@ -5,6 +5,7 @@ use crate::identity::FileIdentity;
 use crate::operation::Operation;
 use crate::step::tagged;
 use crate::text::escape_json;
+use crate::verdict::Verdict;
 use serde::Serialize;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -37,8 +38,11 @@ pub struct Report {
     pub details: Option<serde_json::Value>,
     /// Findings with their places; empty if the operation searches for nothing.
     pub findings: Vec<Finding>,
-    /// The verdict of an operation that judges: whether a mesh is sound or a distance small enough.
+    /// True if what was promised is what was written, of an operation that promises or judges: a solid, a proved distance, a
+    /// distance that is small enough.
     pub passed: Option<bool>,
+    /// Facts about the file that was written, and what was changed, dropped and assumed on the way.
+    pub verdict: Verdict,
     /// The result of an operation that computes data, such as corners or homographies. The operation documents its fields.
     pub result: Option<serde_json::Value>,
     /// Warnings about a run that succeeded.
@@ -131,6 +135,7 @@ impl Report {
             details: None,
             findings: Vec::new(),
             passed: None,
+            verdict: Verdict::default(),
             result: None,
             warnings: Vec::new(),
             recipe: None,
@@ -163,6 +168,7 @@ impl Report {
         let passed = [self.passed, step.passed].into_iter().flatten();
         self.passed = passed.reduce(|all, passed| all && passed);
         self.warnings.extend(step.warnings.iter().cloned());
+        self.verdict.absorb(step.verdict.clone());
         self.steps.push(step);
     }
 
@@ -233,6 +239,27 @@ impl Report {
         let warning = warning.into();
         tracing::warn!("{warning}");
         self.warnings.push(warning);
+    }
+
+    /// Records a change of the data that was not asked for, as a warning, too.
+    pub fn record_changed(&mut self, sentence: impl Into<String>) {
+        let sentence = sentence.into();
+        self.verdict.changed.push(sentence.clone());
+        self.warn(sentence);
+    }
+
+    /// Records content of the inputs that the output lacks, as a warning, too.
+    pub fn record_dropped(&mut self, sentence: impl Into<String>) {
+        let sentence = sentence.into();
+        self.verdict.dropped.push(sentence.clone());
+        self.warn(sentence);
+    }
+
+    /// Records an assumption about an input, as a warning, too.
+    pub fn record_assumed(&mut self, sentence: impl Into<String>) {
+        let sentence = sentence.into();
+        self.verdict.assumed.push(sentence.clone());
+        self.warn(sentence);
     }
 
     /// The report as indented JSON with a final line break. Control characters of names and texts are escaped, so that the

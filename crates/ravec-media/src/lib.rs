@@ -60,7 +60,7 @@ mod write;
 pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
-pub use picture::{Origin, Picture, SampleKind, Warning};
+pub use picture::{Origin, Picture, SampleKind, Warning, WarningKind};
 pub use read::{
     DecodeError, Probe, ReadError, decode, decode_reduced, memory_to_decode, probe, probe_data,
     read,

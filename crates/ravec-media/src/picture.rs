@@ -90,6 +90,32 @@ pub enum Warning {
     },
 }
 
+/// Kind of a [`Warning`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WarningKind {
+    /// Something was guessed.
+    Assumed,
+    /// Samples were changed.
+    Changed,
+    /// Something was lost.
+    Dropped,
+}
+
+impl Warning {
+    /// What the warning is about.
+    pub fn kind(&self) -> WarningKind {
+        match self {
+            Self::ProfileIgnored { .. } | Self::CmykWithoutProfile => WarningKind::Assumed,
+            Self::NotFinite { .. } | Self::GlowLost { .. } | Self::Truncated => {
+                WarningKind::Changed
+            }
+            Self::OnlyFirstFrame | Self::AlphaFlattened { .. } | Self::ExifDropped { .. } => {
+                WarningKind::Dropped
+            }
+        }
+    }
+}
+
 /// An image with its origin. Its pixels are upright and their colors are sRGB, encoded (integers) or linear (floats),
 /// whatever the source's color space was.
 #[derive(Debug, Clone, PartialEq)]

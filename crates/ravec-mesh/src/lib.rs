@@ -78,6 +78,7 @@ mod adjacency;
 mod bvh;
 mod check;
 mod closest;
+mod coordinates;
 mod hausdorff;
 mod keyed;
 mod loose_octree;
@@ -86,6 +87,7 @@ mod par_collect;
 mod predicates;
 mod relax;
 mod rows;
+mod seams;
 mod self_intersection;
 mod simplify;
 mod tri_distance;
@@ -98,6 +100,7 @@ pub use adjacency::{Adjacency, Components, EdgeUse, Fans};
 pub use bvh::{BoxTree, Bvh, CandidateTree, Closest, RayHit, WindingNumbers, winding_number};
 pub use check::{BoundaryLoop, CheckParams, Found, MeshCheck, check};
 pub use closest::{ClosestOnTriangle, Feature, closest_on_triangle, distance_sq_to_triangle};
+pub use coordinates::Coordinates;
 pub use hausdorff::{
     Hausdorff, HausdorffError, HausdorffParams, OneSided, distances_to, hausdorff, vertex_distances,
 };
@@ -107,6 +110,7 @@ pub use par_collect::par_collect;
 pub use predicates::{OrientedPlane, Sign, on_one_line, orient2d, orient3d};
 pub use relax::{Facet, NEW_VERTEX, RelaxJudge, Relaxed, relax};
 pub use rows::{MeshRows, RowsError};
+pub use seams::{JoinedSeams, join_seams};
 pub use self_intersection::{
     IntersectingPair, SelfIntersections, for_each_self_intersection, intersections_with,
     self_intersections,

@@ -3,6 +3,7 @@
 mod error;
 
 pub use error::OffsetError;
+pub use ravec_mesh::Coordinates;
 
 use ravec_mesh::Aabb;
 use serde::{Deserialize, Serialize};
@@ -50,18 +51,6 @@ pub enum OpenRule {
     Thicken,
 }
 
-/// Precision of the coordinates of the result.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Coordinates {
-    /// 64-bit floats.
-    #[default]
-    Double,
-    /// Values that 32-bit floats represent exactly, for file formats that store nothing else: the report holds for the file as
-    /// written. The vertices of a mesh that becomes part of the result, as in a [`Side::Shell`], are rounded first.
-    Single,
-}
-
 /// Parameters of an offset.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -88,7 +77,8 @@ pub struct OffsetParams {
     /// also improved before merging, which takes memory beyond [`Self::memory_bytes`].
     pub max_normal_deviation_deg: Option<f64>,
     /// Precision of the coordinates of the result (default double). Single precision requires a tolerance of at least about 20
-    /// times the gap between 32-bit floats there.
+    /// times the gap between 32-bit floats there; the vertices of a mesh that becomes part of the result, as in a
+    /// [`Side::Shell`], are rounded first.
     pub coordinates: Coordinates,
     /// Memory limit in bytes (default none). Smaller limits divide space into more tiles, which takes longer, and keep a large
     /// surface in a [`Storage`](crate::Storage); the surface before simplification is the same.

@@ -2,5 +2,6 @@
 
 mod boxes;
 mod degenerate;
+mod single;
 mod solids;
 mod support;

@@ -31,3 +31,4 @@ mod recipes;
 mod scenes;
 mod terminal;
 mod twocolor;
+mod verdicts;

@@ -6,8 +6,8 @@ mod origins;
 mod picture;
 mod place;
 
-use super::convert::{Output, rounds, scaled};
-use super::rounded::rounded;
+use super::as_read::{coordinates_of, joins_places};
+use super::convert::{Output, rounds, scaled, unit_scale as meters_per_unit};
 use super::{MeshTarget, Viewpoint};
 use crate::context::Context;
 use crate::error::JobError;
@@ -18,10 +18,9 @@ use bytesize::ByteSize;
 use glam::DVec2;
 use ravec::boolean as library;
 use ravec::boolean::{BooleanError, BooleanReport, Expr, Inside, ParseExprError};
-use ravec::mesh::TriMesh;
+use ravec::mesh::{Coordinates, TriMesh};
 use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat};
 use ravec::mesh_render::View;
-use ravec::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -78,7 +77,9 @@ Meshes may be any triangles. A mesh stands for the places where its winding numb
 one is closed first: edges that nearly meet are joined, holes filled by surfaces of least area. What was assumed about a mesh \
 is a warning and stands in the report. Triangles that no other mesh touches come out as they went in. The result is solid if it \
 is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
-is 5. An empty result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
+is 5. An empty result is an empty mesh, and no error. Where coordinates become 32-bit floats (binary STL, glTF, --precision single), the result \
+is rounded and repaired on these: all that is said holds for the file. STL joins vertices at equal places, so that solids which touch in an \
+edge or a vertex are drawn apart there by some millionths of the size, and a warning says so.
 
 --place NAME:tx,ty,tz,rx,ry,rz,s moves a mesh before it is combined: it is scaled by s about the center of its bounding box, turned there \
 by rx degrees about the x axis, then ry about y, then rz about z (the axes stay where they are; counter-clockwise seen from their tips), and \
@@ -88,7 +89,7 @@ Colors of the vertices of PLY files follow into a PLY file, texture coordinates 
 closes a hole), whether it was turned, and whether it is whole.
 
 Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, repair_rounds, self_intersections, solid (0 or 1), volume; \
-largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, passed the \
+largest_rounding, where coordinates become 32-bit floats; separated_vertices, where solids that touch were drawn apart. In JSON, result is what was found out about each mesh, passed the \
 verdict, and details the report of the library.";
 
 /// Parameters of [`Boolean`].
@@ -180,12 +181,14 @@ impl Operation for Boolean {
     /// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
     /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
     ///
-    /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections; an empty one is. If not, it is
-    /// written all the same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
+    /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections as readers of the file see
+    /// it: rounded to 32-bit floats where these are written, with vertices at equal places joined where the format is STL. If not,
+    /// it is written all the same. An empty one passes.
     ///
     /// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
     /// cut), `intersecting_pairs` of triangles, `repair_rounds` after rounding to double precision, `self_intersections`, `solid` (0
-    /// or 1), `volume` in cubic units of the files; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
+    /// or 1), `volume` in cubic units of the file that is written; `largest_rounding` if it holds 32-bit floats,
+    /// `separated_vertices` if STL made that necessary. The result, in JSON, is
     /// an [`OperandReport`](library::OperandReport) of each input with its `name` and `path`; its `assumptions` are warnings, too.
     /// The details are a [`BooleanReport`].
     ///
@@ -217,7 +220,7 @@ impl Operation for Boolean {
         let mut report = Report::of(self, params);
         for (i, name) in names.iter().enumerate() {
             if !used.contains(&i) {
-                report.warn(format!(
+                report.record_dropped(format!(
                     "{} is {name}, which the expression does not name: it was not read",
                     files[i].path.display()
                 ));
@@ -233,6 +236,8 @@ impl Operation for Boolean {
         } = read;
         let asked = library::BooleanParams {
             inside: params.inside,
+            coordinates: coordinates_of(&target),
+            separate: joins_places(&target),
             memory_bytes: params.memory.map(|size| size.as_u64()),
         };
         let result = report.time("boolean", || {
@@ -242,7 +247,14 @@ impl Operation for Boolean {
             BooleanError::Cancelled => JobError::Cancelled,
             cause => JobError::Boolean { cause },
         })?;
-        record(&result.report, &used, &names, files, &mut report);
+        record(
+            &result.report,
+            &used,
+            &names,
+            files,
+            asked.coordinates,
+            &mut report,
+        );
         report.embed(&result.report);
         let yes = |fact: bool| f64::from(u8::from(fact));
         let done = &result.report;
@@ -256,16 +268,27 @@ impl Operation for Boolean {
             ("solid", yes(done.solid)),
             ("volume", done.volume),
         ]);
+        if rounds(&target) {
+            report.figures.insert("largest_rounding", done.rounded);
+        }
         if done.moved > 0.0 {
-            report.warn(format!(
-            "surfaces nearly lie on one another: vertices there were moved by up to {:.1e} to keep the result free of intersections",
-            done.moved
-        ));
+            report.record_changed(format!(
+                "surfaces nearly lie on one another: vertices there were moved by up to {:.1e} to keep the result free of intersections",
+                done.moved
+            ));
+        }
+        if done.separated > 0 && done.shared_places == 0 {
+            report
+                .figures
+                .insert("separated_vertices", done.separated as f64);
+            report.record_changed(format!(
+                "solids touch in edges or vertices, which STL cannot keep apart: {} vertices there were moved by up to {:.1e} (PLY, OBJ, \
+                 OFF, 3MF and glTF keep them in place)",
+                done.separated, done.separation
+            ));
         }
         if result.mesh.triangles().is_empty() {
             report.warn("nothing is inside: the result is empty");
-        } else if rounds(&target) {
-            report_rounding(&result.mesh, target, &mut report, progress)?;
         }
         let carried = Attributes {
             colors: &attributes::colors_of(&result, &meshes, &colors),
@@ -340,7 +363,7 @@ impl Boolean {
             if let (Some(from), Some(to)) = (unit, target.unit)
                 && let Some(scale) = unit_scale(unit, target.unit)
             {
-                report.warn(format!(
+                report.record_changed(format!(
                 "{} is in units of one {from}: it was scaled by {scale} to the {to} of the first mesh",
                 path.display()
             ));
@@ -359,7 +382,15 @@ impl Boolean {
             read.push(file);
         }
         // an expression always names a mesh
-        let target = target.unwrap_or(output);
+        let mut target = target.unwrap_or(output);
+        // rounding depends on the unit: what is judged has to be what is written
+        let scale = meters_per_unit(target);
+        if scale != 1.0 {
+            for &i in used {
+                meshes[i] = scaled(std::mem::take(&mut meshes[i]), scale, &files[i].path)?;
+            }
+            target.unit = Some(LengthUnit::Meter);
+        }
         Ok(Inputs {
             meshes,
             colors,
@@ -376,6 +407,7 @@ fn record(
     used: &[usize],
     names: &[String],
     files: &[NamedFile],
+    coordinates: Coordinates,
     report: &mut Report,
 ) {
     let mut inputs = Vec::new();
@@ -383,10 +415,10 @@ fn record(
         let path = files[i].path.display().to_string();
         let operand = &done.operands[i];
         for assumption in &operand.assumptions {
-            report.warn(format!("{path}: {assumption}"));
+            report.record_assumed(format!("{path}: {assumption}"));
         }
         if done.pruned.contains(&(i as u32)) {
-            report.warn(format!("{path} does not matter for the result"));
+            report.record_dropped(format!("{path} does not matter for the result"));
         }
         let mut input = serde_json::json!(operand);
         input["name"] = names[i].as_str().into();
@@ -394,8 +426,15 @@ fn record(
         inputs.push(input);
     }
     report.result = Some(serde_json::Value::Array(inputs));
-    let sound = done.solid || done.triangles == 0;
+    let is_empty = done.triangles == 0;
+    let sound = done.solid || is_empty;
     report.passed = Some(sound);
+    if !is_empty {
+        report.verdict.solid = Some(done.solid);
+        if done.solid {
+            report.verdict.closed = Some(true);
+        }
+    }
     if done.self_intersections > 0 {
         report.findings.push(Finding {
             what: "self-intersections",
@@ -405,40 +444,21 @@ fn record(
         });
     }
     if !sound {
-        report.warn(match done.self_intersections {
-            0 => "the result is not closed or not manifold".to_owned(),
-            count => format!("the result meets itself {count} times"),
+        let cure = match coordinates {
+            Coordinates::Double => "",
+            Coordinates::Single => {
+                ", in the 32-bit floats of the file: PLY, OBJ, OFF and 3MF keep it in 64 bits"
+            }
+        };
+        report.warn(match (done.self_intersections, done.shared_places) {
+            (0, 0) => format!("the result is not closed or not manifold{cure}"),
+            (0, shared) => format!(
+                "solids touch in {shared} vertices, which STL joins: the result is not manifold there (PLY, OBJ, OFF, 3MF and glTF keep \
+                 them apart)"
+            ),
+            (count, _) => format!("the result meets itself {count} times{cure}"),
         });
     }
-}
-
-/// Says what 32-bit floats do to the mesh.
-fn report_rounding(
-    mesh: &TriMesh,
-    target: MeshTarget,
-    report: &mut Report,
-    progress: &Progress,
-) -> Result<(), JobError> {
-    let written = report.time("check", || rounded(mesh, target, progress))?;
-    report.figures.insert("largest_rounding", written.moved);
-    let Some(found) = written.check else {
-        return Ok(());
-    };
-    let pairs = found
-        .self_intersections
-        .as_ref()
-        .map_or(0, |pairs| pairs.count);
-    if pairs > 0 {
-        report.warn(format!(
-            "rounded to the 32-bit floats of the file, the result meets itself {pairs} times: PLY, OBJ, OFF and 3MF keep it as it is"
-        ));
-    } else if !found.is_solid() {
-        report.warn(
-            "rounded to the 32-bit floats of the file, the result is not closed or not manifold: PLY, OBJ, OFF and 3MF keep it as \
-             it is",
-        );
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -34,7 +34,8 @@ Examples:
 Defects, each with its first places: degenerate triangles (without area), duplicate triangles, non-manifold edges (of more \
 than two triangles), pinched vertices (whose triangles form more than one fan), orientation clashes (neighbors that face \
 opposite sides), boundary loops and edges (but with --open), self-intersections, a surface that is inside out, a mesh without \
-triangles. Unused vertices are listed but no defect. Vertices and triangles are counted from 0. All is decided by exact \
+triangles. Unused vertices are listed but no defect. Vertices on borders that lie where another one does, as along seams of normals or \
+texture coordinates, are joined first (joined_vertices). Vertices and triangles are counted from 0. All is decided by exact \
 arithmetic.
 
 Figures: those of info that are counts, euler, and the number of each defect; self_intersections is the sum of pairs that are \
@@ -87,11 +88,12 @@ impl Operation for Check {
     ///
     /// Defects: no triangles at all, boundary edges (unless [`Params::open`]), non-manifold edges, pinched vertices,
     /// orientation clashes, degenerate and duplicate triangles, self-intersections, and a surface that is inside out. Unused
-    /// vertices are listed, but are no defect. [`Report::passed`] is true if there is none.
+    /// vertices are listed, but are no defect. [`Report::passed`] is true if there is none. Vertices on borders that lie where
+    /// another one does are joined first, as along seams of texture coordinates.
     ///
     /// Figures: `triangles`, `vertices`, `edges`, `parts`, `closed`, `manifold`, `oriented`, `euler`, `genus` where there is one,
     /// and the count of each defect; `self_intersections` is the sum of pairs that are `crossing`, `overlapping` within a plane,
-    /// `coincident` or `touching`. The details are a [`MeshCheck`].
+    /// `coincident` or `touching`; `joined_vertices`, if there are any. The details are a [`MeshCheck`].
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::ReadMesh`], [`JobError::Cancelled`].
@@ -103,19 +105,39 @@ impl Operation for Check {
         let mut report = Report::of(self, params);
         let file = super::read(input, &[], &mut report, context)?;
         let mesh = weld::welded(file.mesh, params.weld, file.unit, &mut report, progress)?;
+        let joined = weld::seams(&mesh, input, &mut report, progress)?;
+        let mesh = joined.as_ref().map_or(&mesh, |joined| &joined.mesh);
         let asked = CheckParams {
             self_intersections: !params.no_intersections,
             list_limit: params.list,
         };
         let phase = progress.phase("check", 1);
-        let found = report.time("check", || check(&mesh, &asked, progress))?;
+        let found = report.time("check", || check(mesh, &asked, progress))?;
         phase.advance(1);
         count(&found, &mut report);
         progress.check()?;
-        report.findings = findings(&mesh, &found, params);
+        report.findings = findings(mesh, &found, params);
+        if let Some(joined) = &joined {
+            let places = report.findings.iter_mut().flat_map(|f| &mut f.places);
+            for v in places.flat_map(|place| &mut place.vertices) {
+                *v = joined.vertex_of[*v as usize];
+            }
+        }
+        report.verdict.closed = Some(found.closed);
+        if found.self_intersections.is_some() {
+            report.verdict.solid = Some(is_solid(mesh, &found));
+        }
         report.passed = Some(report.findings.iter().all(|finding| !finding.defect));
         Ok(report)
     }
+}
+
+/// True for a mesh in which a full check finds no defect: the surface of a solid that faces out.
+pub(super) fn is_solid(mesh: &TriMesh, found: &MeshCheck) -> bool {
+    found.is_solid()
+        && findings(mesh, found, &Params::default())
+            .iter()
+            .all(|finding| !finding.defect)
 }
 
 fn count(found: &MeshCheck, report: &mut Report) {
@@ -235,7 +257,7 @@ pub fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Findi
         let places = places.collect();
         add("self-intersections", pairs.count, true, places);
     }
-    let inside_out = found.closed && found.oriented && measure(mesh).volume < 0.0;
+    let inside_out = found.closed && found.oriented && is_inside_out(mesh);
     add(
         "surfaces that are inside out",
         inside_out.into(),
@@ -246,6 +268,21 @@ pub fn findings(mesh: &TriMesh, found: &MeshCheck, params: &Params) -> Vec<Findi
     let places = f.listed.iter().map(vertex).collect();
     add("unused vertices", f.count, false, places);
     findings
+}
+
+/// True if the volume is negative beyond the rounding of its sum, which for films and needles is larger than what they hold.
+fn is_inside_out(mesh: &TriMesh) -> bool {
+    let volume = measure(mesh).volume;
+    if volume >= 0.0 {
+        return false;
+    }
+    let center = mesh.bounds().center();
+    let rounding = |t: u32| {
+        let [a, b, c] = mesh.corners(t);
+        (b - a).length() * (c - a).length() * (a - center).length()
+    };
+    let rounding: f64 = (0..mesh.triangles().len() as u32).map(rounding).sum();
+    volume < -4.0 * f64::EPSILON * rounding
 }
 
 fn manner(kind: TriTri) -> &'static str {
@@ -366,12 +403,13 @@ mod tests {
     fn welding_closes_what_only_looks_open() {
         let mesh = torus(2.0, 0.5, 24, 12).mesh;
         let apart = mesh.triangles().iter().flatten();
-        let positions: Vec<_> = apart.map(|&v| mesh.positions()[v as usize]).collect();
+        let crack = |(at, &v): (usize, &u32)| mesh.positions()[v as usize] + 1e-9 * at as f64;
+        let positions: Vec<_> = apart.enumerate().map(crack).collect();
         let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]);
         let mesh = TriMesh::new(positions, triangles.collect()).unwrap();
         assert_eq!(checked(&mesh, &Params::default()).passed, Some(false));
         let params = Params {
-            weld: Some(Length::Units(0.0)),
+            weld: Some(Length::Units(1e-5)),
             ..Params::default()
         };
         let report = checked(&mesh, &params);

@@ -1,5 +1,7 @@
 //! `mesh convert`: a mesh in another format, unit or precision.
 
+use super::as_read::as_read;
+use super::judge::judge_written;
 use super::{Length, MeshTarget, weld};
 use crate::context::Context;
 use crate::error::JobError;
@@ -144,7 +146,8 @@ Colors of the vertices of PLY files and texture coordinates of OBJ and glTF file
 vertices are welded.
 
 Figures: scale of the coordinates, if units differ; largest_rounding of a coordinate, if the output holds 32-bit floats; \
-welded_vertices and collapsed_triangles, with --weld.";
+welded_vertices and collapsed_triangles, with --weld. If rounding, or STL, which joins vertices at equal places, makes \
+a solid none, a warning says so, and the exit code is 5.";
 
 /// Parameters of [`Convert`].
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -182,7 +185,8 @@ impl Operation for Convert {
     /// file if the output has room for them and nothing is welded.
     ///
     /// Figures: `scale` of the coordinates if units differ; `largest_rounding` of a coordinate, if the output holds 32-bit
-    /// floats; `welded_vertices` and `collapsed_triangles` if welding was asked for.
+    /// floats; `welded_vertices` and `collapsed_triangles` if welding was asked for. If the format changes the mesh, the
+    /// [`Verdict`](crate::Verdict) is about the file; a solid that is none there has not passed.
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
@@ -231,6 +235,10 @@ impl Operation for Convert {
             report
                 .figures
                 .insert("largest_rounding", largest_rounding(&mesh, target));
+        }
+        // a file that holds the mesh as it is needs no verdict
+        if as_read(&mesh, &target, progress)?.is_some_and(|read| read != mesh) {
+            judge_written(&mesh, &mesh, &target, &mut report, progress)?;
         }
         let attributes = Attributes {
             colors: &colors,
@@ -317,6 +325,38 @@ mod tests {
             params: params.clone(),
         };
         operation.run(&Context::default())
+    }
+
+    #[test]
+    fn a_solid_that_rounding_or_stl_makes_none_has_not_passed() {
+        // two cubes with a common edge, each with vertices of its own
+        let one = cuboid([1.0; 3].into()).mesh;
+        let other = cuboid([1.0; 3].into()).shifted([1.0, 1.0, 0.0].into()).mesh;
+        let mut positions = one.positions().to_vec();
+        positions.extend_from_slice(other.positions());
+        let mut triangles = one.triangles().to_vec();
+        triangles.extend(other.triangles().iter().map(|t| t.map(|v| v + 8)));
+        let pair = TriMesh::new(positions, triangles).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let (target, progress) = (MeshTarget::new(MeshFormat::PlyBinary), Progress::none());
+        write_mesh_file(&at("pair.ply"), &pair, &target, &progress).unwrap();
+        for (out, passed) in [("a.off", None), ("a.glb", None), ("a.stl", Some(false))] {
+            let report = run(&at("pair.ply"), &at(out), &Params::default()).unwrap();
+            assert_eq!(report.passed, passed, "{out}");
+            assert_eq!(report.verdict.solid, passed);
+            assert_eq!(report.warnings.len(), usize::from(passed.is_some()));
+        }
+        // a film that 32-bit floats cannot hold
+        let film = cuboid([1.0, 1.0, 1e-9].into())
+            .shifted([5.0; 3].into())
+            .mesh;
+        write_mesh_file(&at("film.ply"), &film, &target, &progress).unwrap();
+        let report = run(&at("film.ply"), &at("a.glb"), &Params::default()).unwrap();
+        assert_eq!(
+            (report.passed, report.verdict.solid),
+            (Some(false), Some(false))
+        );
     }
 
     #[test]

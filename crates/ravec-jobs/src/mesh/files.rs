@@ -6,8 +6,8 @@ use crate::files::{IN_MEMORY, check_files};
 use crate::report::{FileReport, Report};
 use ravec::mesh::{MeshRows, TriMesh};
 use ravec::mesh_io::{
-    Attributes, LengthUnit, MeshFile, MeshFormat, MeshTarget, ReadOptions, WriteMeshError,
-    WriteMeshFileError, read_mesh_file_with, write_mesh_file_with, write_rows_file,
+    Attributes, LengthUnit, MeshFile, MeshFormat, MeshTarget, ReadOptions, ReadWarning,
+    WriteMeshError, WriteMeshFileError, read_mesh_file_with, write_mesh_file_with, write_rows_file,
 };
 use std::io;
 use std::path::{Path, PathBuf};
@@ -59,7 +59,7 @@ pub(super) fn keep_supported(
         left_out.push("texture coordinates");
     }
     for what in left_out {
-        report.warn(format!("{}: left out {what}", path.display()));
+        report.record_dropped(format!("{}: left out {what}", path.display()));
     }
 }
 
@@ -92,7 +92,14 @@ fn read_recorded(
         report.protect(path);
     }
     for warning in &file.warnings {
-        report.warn(format!("{}: {warning}", path.display()));
+        let sentence = format!("{}: {warning}", path.display());
+        match warning {
+            ReadWarning::PolygonsCut { .. } | ReadWarning::Welded { .. } => {
+                report.record_changed(sentence);
+            }
+            ReadWarning::NoEnd => report.record_assumed(sentence),
+            _ => report.record_dropped(sentence),
+        }
     }
     let described = described(path, file.format, file.unit, &file.mesh);
     report.inputs.push(described);

@@ -1,5 +1,6 @@
 //! `mesh info`: what is in a mesh file.
 
+use super::weld;
 use crate::context::Context;
 use crate::error::JobError;
 use crate::operation::Operation;
@@ -31,7 +32,8 @@ Examples:
 Figures: triangles, vertices, edges, parts (what shares a vertex hangs together), closed, manifold and oriented (0 or 1), \
 boundary_edges; min_x to max_z, size_x to size_z and diagonal of the bounding box; area; volume, if the surface is closed and \
 oriented (negative if inside out); side_min, side_mean and side_max of the triangles' sides; genus, the number of handles, if the \
-surface is also manifold. Lengths are in units of the file.";
+surface is also manifold. Lengths are in units of the file. Vertices on borders that lie where another one does, as along seams of normals or \
+texture coordinates, are joined before edges are counted (joined_vertices).";
 
 /// Parameters of [`Info`]; there are none yet.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,7 +58,8 @@ impl Operation for Info {
     /// `oriented` (0 or 1), `boundary_edges`; `min_x` to `max_z`, `size_x` to `size_z` and `diagonal` of the bounding box;
     /// `area`; of closed and oriented meshes `volume` (negative if the surface is inside out); `side_min`, `side_mean` and
     /// `side_max` of the triangles' sides; of closed, manifold and oriented meshes `genus`, the number of handles. Lengths are
-    /// in units of the file.
+    /// in units of the file. Vertices on borders that lie where another one does are joined before edges are counted:
+    /// `joined_vertices`.
     ///
     /// # Errors
     /// [`JobError::ReadMesh`], [`JobError::Cancelled`].
@@ -65,20 +68,23 @@ impl Operation for Info {
         context.check_files(&self.inputs(), &[])?;
         let mut report = Report::of(self, &self.params);
         let file = super::read(&self.input, &[], &mut report, context)?;
-        let mesh = &file.mesh;
+        let joined = weld::seams(&file.mesh, &self.input, &mut report, progress)?;
+        let mesh = joined.as_ref().map_or(&file.mesh, |joined| &joined.mesh);
         let quick = CheckParams {
             self_intersections: false,
             list_limit: 0,
         };
         let found = report.time("check", || check(mesh, &quick, progress))?;
         let measured = report.time("measure", || try_measure(mesh, progress))?;
+        report.verdict.closed = Some(found.closed);
+        let vertices = found.vertices + joined.as_ref().map_or(0, |joined| joined.joined as u64);
         let yes = |fact: bool| f64::from(u8::from(fact));
         let size = measured.max - measured.min;
         let sides = measured.side_lengths;
         let figures = &mut report.figures;
         figures.extend([
             ("triangles", found.triangles as f64),
-            ("vertices", found.vertices as f64),
+            ("vertices", vertices as f64),
             ("edges", found.edges as f64),
             ("parts", f64::from(found.components)),
             ("closed", yes(found.closed)),

@@ -13,17 +13,18 @@
 //!
 //! They all read and write with [`ravec::mesh_io`].
 
+mod as_read;
 pub mod boolean;
 pub mod check;
 pub mod compare;
 pub mod convert;
 mod files;
 pub mod info;
+mod judge;
 mod length;
 pub mod offset;
 mod refine;
 pub mod render;
-mod rounded;
 pub mod simplify;
 mod view;
 mod weld;

@@ -1,14 +1,14 @@
 //! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
 
-use super::Length;
 use super::convert::{Content, Output, Start, rounds, scaled, unit_scale};
+use super::{Length, weld};
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
-use ravec::mesh::{CheckParams, TriMesh, check, measure};
+use ravec::mesh::{CheckParams, TriMesh, check, join_seams, measure};
 use ravec::mesh_io::{LengthUnit, MeshFile};
 use ravec::offset::{self as library, OffsetError, OffsetParams, OpenRule, Side};
 use ravec::progress::{Cancelled, Progress};
@@ -224,8 +224,10 @@ impl Drafts {
     /// # Errors
     /// [`OffsetError::NoTriangles`], [`OffsetError::Cancelled`].
     pub fn new(file: &MeshFile, progress: &Progress) -> Result<Self, OffsetError> {
-        let turned = turned(&file.mesh, progress).map_err(|_| Cancelled)?;
-        let mesh = turned.as_ref().unwrap_or(&file.mesh);
+        let joined = join_seams(&file.mesh, progress)?;
+        let mesh = joined.as_ref().map_or(&file.mesh, |joined| &joined.mesh);
+        let turned = turned(mesh, progress).map_err(|_| Cancelled)?;
+        let mesh = turned.as_ref().unwrap_or(mesh);
         Ok(Self {
             of_mesh: library::OffsetDrafts::new(mesh, progress)?,
             diagonal: file.mesh.bounds().diagonal(),
@@ -308,7 +310,7 @@ impl Operation for Offset {
         if let Some(unit) = params.unit {
             target.unit = Some(unit);
         }
-        let MeshFile { mut mesh, .. } = file;
+        let mut mesh = weld::with_joined_seams(file.mesh, input, &mut report, progress)?;
         let diagonal = mesh.bounds().diagonal();
         let lengths = params.of(diagonal, target.unit)?;
         // rounding depends on the unit: what is judged has to be what is written
@@ -335,7 +337,7 @@ impl Operation for Offset {
             && let Some(turned) = turned(&mesh, progress)?
         {
             mesh = turned;
-            report.warn(format!(
+            report.record_assumed(format!(
                 "{}: the mesh is inside out and was turned",
                 input.display()
             ));
@@ -400,7 +402,7 @@ fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
     if let Some(kept) = done.sheet_kept {
         report.figures.insert("sheet_kept", yes(kept));
         if !kept {
-            report.warn(
+            report.record_changed(
                 "the sheet itself could not be one of the skins, triangle for triangle: that skin follows it within the \
                  tolerance (where the sheet meets itself, is not manifold, faces both ways or lies within the distance of \
                  itself, see `ravec mesh check`)",
@@ -408,6 +410,11 @@ fn record(done: &library::OffsetReport, side: Side, report: &mut Report) {
         }
     }
     report.passed = Some(done.certified && done.solid);
+    report.verdict.proved = Some(done.certified);
+    report.verdict.solid = Some(done.solid);
+    if done.solid {
+        report.verdict.closed = Some(true);
+    }
     for (what, count) in [
         (
             "triangles that are not proved to keep the distance",

@@ -1,6 +1,7 @@
 //! `mesh simplify`: fewer triangles for nearly the same surface.
 
 use super::convert::{Content, Output, Start};
+use super::judge::judge_written;
 use super::{Length, weld};
 use crate::context::Context;
 use crate::error::JobError;
@@ -160,7 +161,8 @@ impl Operation for Simplify {
     ///
     /// Figures: `triangles_before`, `triangles_after`, `vertices_after`, `feature_edges` (those that were left), `collapses`;
     /// `largest_error` with [`Params::error`]; `target_reached` (0 or 1) with [`Params::triangles`]. The details are a
-    /// [`SimplifyReport`].
+    /// [`SimplifyReport`]. The [`Verdict`](crate::Verdict) is about the file; a solid that is none there has not passed. Vertices on
+    /// borders that lie where another one does are joined first: `joined_vertices`.
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::Missing`], [`JobError::Simplify`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::WriteMesh`], what
@@ -183,6 +185,7 @@ impl Operation for Simplify {
             target,
         } = start;
         let mesh = weld::welded(file.mesh, params.weld, file.unit, &mut report, progress)?;
+        let mesh = weld::with_joined_seams(mesh, input, &mut report, progress)?;
         let settings = params.resolve(mesh.bounds().diagonal(), file.unit)?;
         let simple = report.time("simplify", || {
             simplify(&mesh, &settings, &Keep::default(), |_| false, progress)
@@ -217,6 +220,7 @@ impl Operation for Simplify {
                 ));
             }
         }
+        judge_written(&mesh, &simple.mesh, &target, &mut report, progress)?;
         super::write(output, &simple.mesh, &target, &mut report, context)?;
         Ok(report)
     }

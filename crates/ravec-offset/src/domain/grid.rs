@@ -5,9 +5,9 @@
 //! all corners have representable coordinates. Rounding then leaves a vertex in its cell, face or edge, and the arguments that
 //! keep triangles apart in exact numbers hold here as well.
 
-use crate::params::{Coordinates, OffsetError};
+use crate::params::OffsetError;
 use glam::DVec3;
-use ravec_mesh::TriMesh;
+use ravec_mesh::{Coordinates, TriMesh};
 use ravec_octree::{Frame, MAX_LEVEL};
 
 /// Levels below the floor, where cells are as small as the tolerance, to which cells may be split.
@@ -110,17 +110,6 @@ impl Grid {
     #[inline]
     pub fn margin(&self, share: f64, size: f64) -> f64 {
         share.max(self.step / size)
-    }
-}
-
-impl Coordinates {
-    /// Rounds to the nearest representable position.
-    #[inline]
-    pub(crate) fn nearest(self, p: DVec3) -> DVec3 {
-        match self {
-            Self::Double => p,
-            Self::Single => p.as_vec3().as_dvec3(),
-        }
     }
 }
 

@@ -6,6 +6,7 @@ use ravec::mesh::{TriMesh, measure};
 use ravec::mesh_io::{
     Attributes, Precision, ReadOptions, WriteOptions, read_mesh, write_mesh_with,
 };
+use ravec::progress::Progress;
 use ravec_scenes::solids::{cuboid, icosphere};
 use std::ffi::OsString;
 use std::io::Write as _;
@@ -276,6 +277,90 @@ fn meshes_in_other_units_are_scaled_to_the_first() {
         "{:?}",
         report.warnings
     );
+}
+
+/// A copy turned by angles that no float represents.
+fn askew(mesh: &TriMesh) -> TriMesh {
+    let turn = glam::DMat3::from_euler(glam::EulerRot::ZYX, 0.3, 1.1, -0.7);
+    let positions = mesh.positions().iter().map(|&p| turn * p);
+    TriMesh::new(positions.collect(), mesh.triangles().to_vec()).unwrap()
+}
+
+#[test]
+fn the_verdict_is_that_of_the_file() {
+    let studio = Studio::new();
+    let plate = block([9.0, 7.0, 2.0], [0.0; 3]);
+    let pocket = block([3.0, 2.0, 1.0], [0.4, 0.2, 0.5]);
+    studio.put("plate.off", &askew(&plate), None);
+    studio.put("pocket.off", &askew(&pocket), None);
+    // beside the block, with an edge in common
+    studio.put("touching.off", &block([4.0; 3], [4.0, 4.0, 0.0]), None);
+    for (expression, line, volume) in [
+        ("a - b", "plate.off pocket.off", 120.0),
+        ("a | b", "plate.off pocket.off", 126.0),
+        ("a | b", "block.off touching.off", 128.0),
+    ] {
+        for (out, precision) in [
+            ("out.stl", Precision::Exact),
+            ("out.ply", Precision::Single),
+            ("out.off", Precision::Exact),
+            ("out.3mf", Precision::Exact),
+            ("out.glb", Precision::Exact),
+        ] {
+            let mut operation = studio.operation(expression, line, out);
+            operation.params.output.precision = precision;
+            let report = operation.run(&Context::default()).unwrap();
+            let check = crate::mesh::check::Check {
+                input: studio.at(out),
+                params: crate::mesh::check::Params::default(),
+            };
+            let found = check.run(&Context::default()).unwrap();
+            assert_eq!(report.passed, found.passed, "{line} {out}");
+            assert_eq!(report.verdict.solid, found.verdict.solid);
+            assert_eq!(
+                (report.passed, found.verdict.closed),
+                (Some(true), Some(true))
+            );
+            let error = (measure(&studio.mesh(out)).volume - volume).abs();
+            assert!(error < 1e-4, "{line} {out}: {error}");
+            let drawn_apart = line.contains("touching") && out == "out.stl";
+            assert_eq!(
+                report.figures.contains_key("separated_vertices"),
+                drawn_apart
+            );
+            assert_eq!(
+                !report.verdict.changed.is_empty(),
+                drawn_apart,
+                "{report:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_result_in_millimeters_is_judged_in_the_meters_of_gltf() {
+    let studio = Studio::new();
+    let unit = Some(LengthUnit::Millimeter);
+    studio.put(
+        "plate.3mf",
+        &askew(&block([90.0, 70.0, 20.0], [0.0; 3])),
+        unit,
+    );
+    studio.put("pin.3mf", &askew(&block([9.0, 7.0, 20.0], [3.0; 3])), unit);
+    let report = studio.run("a - b", "plate.3mf pin.3mf", "out.glb").unwrap();
+    assert_eq!(report.passed, Some(true), "{report:?}");
+    let volume = 90.0 * 70.0 * 20.0 - 9.0 * 7.0 * 17.0;
+    let found = report.figures["volume"] * 1e9;
+    assert!((found - volume).abs() < 1e-3 * volume, "{found}");
+    assert!(report.figures["largest_rounding"] < 1e-8);
+    let mesh = studio.mesh("out.glb");
+    let full = ravec::mesh::CheckParams {
+        self_intersections: true,
+        list_limit: 0,
+    };
+    let found = ravec::mesh::check(&mesh, &full, &Progress::none()).unwrap();
+    assert!(found.is_solid());
+    assert_eq!(measure(&mesh).volume, report.figures["volume"]);
 }
 
 #[test]
