@@ -198,7 +198,7 @@ fn round_off(
     reach: f64,
     report: &mut BooleanReport,
     progress: &Progress,
-) -> Result<(Vec<Parent>, Finished), Cancelled> {
+) -> Result<(Vec<Parent>, Finished), BooleanError> {
     let mut tree = Some(tree);
     for attempt in 0.. {
         // what follows takes as much memory as the tree, which is seldom needed again

@@ -142,6 +142,15 @@ pub enum BooleanError {
         /// Bytes allowed.
         allowed: u64,
     },
+    /// Every ray from a part of a surface meets an edge, so that it is not known what the part is in.
+    #[error(
+        "what lies around the part of a mesh at ({}, {}, {}) could not be decided: move or turn one of the meshes a little",
+        at[0], at[1], at[2]
+    )]
+    Undecided {
+        /// A place of that part.
+        at: [f64; 3],
+    },
     /// The caller cancelled.
     #[error("cancelled")]
     Cancelled,

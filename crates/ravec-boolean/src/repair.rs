@@ -19,6 +19,7 @@ use ravec_progress::{Cancelled, Progress};
 use crate::arrangement::{Cells, Soup, cut};
 use crate::closing::Closing;
 use crate::near::merge_near;
+use crate::params::BooleanError;
 use crate::select::{Draft, Parent, select};
 
 /// Rounds after which repair gives up.
@@ -47,13 +48,13 @@ pub(crate) struct Repaired {
 /// parents are named after; `reach` is how near vertices are merged in the second round, the first that does.
 ///
 /// # Errors
-/// [`Cancelled`] soon after `progress` is.
+/// Those of [`Cells::of`].
 pub(crate) fn repair(
     mut draft: Draft,
     input: &CandidateTree,
     mut reach: f64,
     progress: &Progress,
-) -> Result<Repaired, Cancelled> {
+) -> Result<Repaired, BooleanError> {
     let mut found = conflicts(&draft, input, progress)?;
     let largest = input.bounds().min.abs().max(input.bounds().max.abs());
     let most = FARTHEST * largest.max_element();

@@ -2,5 +2,6 @@
 
 mod boxes;
 mod degenerate;
+mod far;
 mod solids;
 mod support;
