@@ -131,7 +131,10 @@ fn soup_of(
 }
 
 /// The pairs of new triangles, or of a new and a whole one, that meet where they should not.
-fn conflicts(
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
+pub(crate) fn conflicts(
     draft: &Draft,
     input: &CandidateTree,
     progress: &Progress,

@@ -17,7 +17,9 @@ use crate::report::{Finding, Report};
 use bytesize::ByteSize;
 use glam::DVec2;
 use ravec::boolean as library;
-use ravec::boolean::{BooleanError, BooleanReport, Expr, Inside, ParseExprError};
+use ravec::boolean::{
+    BooleanError, BooleanReport, CloseRule, Expr, Inside, OpenRule, ParseExprError,
+};
 use ravec::mesh::TriMesh;
 use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat};
 use ravec::mesh_render::View;
@@ -31,7 +33,7 @@ pub use place::Placement;
 
 /// Combine meshes by a Boolean expression, exactly; triangles away from the cuts stay unchanged
 ///
-/// The exit code is 5 if the result was written but is not solid.
+/// The exit code is 5 if the result was written but is not solid, or probably not what was meant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
@@ -70,15 +72,24 @@ Examples:
   ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf
   ravec boolean union part.stl other.ply -o hull.ply --inside outer-hull --json -
   ravec boolean a-b part.stl other.ply -o moved.ply --place b:0,0,0.5,90,0,0
+  ravec boolean union terrain.stl -o model.stl --close base
 
 Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
 (a | b) - (c & d). A file that the expression does not name is not read.
 
-Meshes may be any triangles. A mesh stands for the places where its winding number is above one half (--inside positive); an open \
-one is closed first: edges that nearly meet are joined, holes filled by surfaces of least area. What was assumed about a mesh \
-is a warning and stands in the report. Triangles that no other mesh touches come out as they went in. The result is solid if it \
+Meshes may be any triangles. A mesh stands for the places where its winding number is above one half (--inside positive); one that is \
+inside out is turned, and so are closed parts that are inside out and touch no others. Other parts that are inside out are left out; \
+warnings give their places and volumes, and the exit code is 5: --inside outer-hull keeps them.
+
+An open mesh is closed first: edges that nearly meet are joined, holes filled by surfaces of least area, but not by what repeats the \
+mesh's own wall. --close lid fills each hole by itself, band joins holes that face each other, base puts a relief on a flat base, \
+2% of its diagonal below its lowest point along z. An open sheet minus a solid, or cut with one by &, is not closed but trimmed, and so is \
+the result an open surface (solid 0, trimmed 1); --open close closes sheets, too, --open trim trims all open meshes. What was assumed \
+about a mesh is a warning and stands in the report.
+
+Triangles that no other mesh touches come out as they went in. The result is solid if it \
 is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
-is 5. An empty result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
+is 5. So it is if a mesh or the result encloses no volume. Where solids have nothing in common the result is an empty mesh, and no error. Binary STL and glTF round its vertices to 32-bit floats; a warning says if that does harm.
 
 --place NAME:tx,ty,tz,rx,ry,rz,s moves a mesh before it is combined: it is scaled by s about the center of its bounding box, turned there \
 by rx degrees about the x axis, then ry about y, then rz about z (the axes stay where they are; counter-clockwise seen from their tips), and \
@@ -87,8 +98,8 @@ shifted by tx,ty,tz in units of the first mesh. Scale, or turns and scale, may b
 Colors of the vertices of PLY files follow into a PLY file, texture coordinates of OBJ and glTF files into one of these. --origins has a row for each triangle: mesh, triangle (none for one that \
 closes a hole), whether it was turned, and whether it is whole.
 
-Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, repair_rounds, self_intersections, solid (0 or 1), volume; \
-largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, passed the \
+Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, repair_rounds, self_intersections, solid and trimmed (0 or 1), \
+volume (0 if trimmed), area; largest_rounding, where coordinates become 32-bit floats. In JSON, result is what was found out about each mesh, passed the \
 verdict, and details the report of the library.";
 
 /// Parameters of [`Boolean`].
@@ -99,6 +110,12 @@ pub struct Params {
     /// The places that each mesh stands for
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().inside))]
     pub inside: Inside,
+    /// Closing of open meshes
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().close))]
+    pub close: CloseRule,
+    /// Open meshes that are trimmed instead of closed
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().open))]
+    pub open: OpenRule,
     /// Place of a mesh: shift in units of the first mesh, turns about x, then y, then z in degrees, scale; turned and scaled about
     /// the center of its box. May be repeated
     #[cfg_attr(
@@ -124,6 +141,8 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             inside: Inside::default(),
+            close: CloseRule::default(),
+            open: OpenRule::default(),
             places: Vec::new(),
             memory: None,
             unit: None,
@@ -180,12 +199,13 @@ impl Operation for Boolean {
     /// PLY file: between the corners of a triangle they are mixed, and vertices where meshes meet take that of one of them. Texture
     /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
     ///
-    /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections; an empty one is. If not, it is
-    /// written all the same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
+    /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections, or empty, or an open surface
+    /// trimmed by solids, and nothing about the meshes casts doubt on it ([`BooleanReport::passed`]). If not, it is written all the
+    /// same. Rounding to 32-bit floats happens after that; a warning says if it does harm.
     ///
     /// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
-    /// cut), `intersecting_pairs` of triangles, `repair_rounds` after rounding to double precision, `self_intersections`, `solid` (0
-    /// or 1), `volume` in cubic units of the files; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
+    /// cut), `intersecting_pairs` of triangles, `repair_rounds` after rounding to double precision, `self_intersections`, `solid` and
+    /// `trimmed` (0 or 1), `volume` in cubic units of the files (0 of a trimmed surface), `area`; `largest_rounding` if the output holds 32-bit floats. The result, in JSON, is
     /// an [`OperandReport`](library::OperandReport) of each input with its `name` and `path`; its `assumptions` are warnings, too.
     /// The details are a [`BooleanReport`].
     ///
@@ -233,6 +253,8 @@ impl Operation for Boolean {
         } = read;
         let asked = library::BooleanParams {
             inside: params.inside,
+            close: params.close,
+            open: params.open,
             memory_bytes: params.memory.map(|size| size.as_u64()),
         };
         let result = report.time("boolean", || {
@@ -254,7 +276,9 @@ impl Operation for Boolean {
             ("repair_rounds", f64::from(done.repair_rounds)),
             ("self_intersections", done.self_intersections as f64),
             ("solid", yes(done.solid)),
+            ("trimmed", yes(done.trimmed)),
             ("volume", done.volume),
+            ("area", done.area),
         ]);
         if done.moved > 0.0 {
             report.warn(format!(
@@ -382,8 +406,8 @@ fn record(
     for &i in used {
         let path = files[i].path.display().to_string();
         let operand = &done.operands[i];
-        for assumption in &operand.assumptions {
-            report.warn(format!("{path}: {assumption}"));
+        for sentence in operand.assumptions.iter().chain(&operand.doubts) {
+            report.warn(format!("{path}: {sentence}"));
         }
         if done.pruned.contains(&(i as u32)) {
             report.warn(format!("{path} does not matter for the result"));
@@ -394,8 +418,11 @@ fn record(
         inputs.push(input);
     }
     report.result = Some(serde_json::Value::Array(inputs));
-    let sound = done.solid || done.triangles == 0;
-    report.passed = Some(sound);
+    let sound = done.solid || done.triangles == 0 || done.trimmed;
+    report.passed = Some(done.passed());
+    for doubt in &done.doubts {
+        report.warn(doubt.clone());
+    }
     if done.self_intersections > 0 {
         report.findings.push(Finding {
             what: "self-intersections",
