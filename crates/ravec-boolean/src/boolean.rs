@@ -13,7 +13,9 @@ use crate::closing::base_level;
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
 use crate::near::{coarsened, merge_near};
-use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, CloseRule, Origin};
+use crate::params::{
+    Boolean, BooleanError, BooleanParams, BooleanReport, CloseRule, Inside, Origin,
+};
 use crate::repair::repair;
 use crate::select::{Draft, Parent, select};
 use doubts::{doubt, doubt_empty};
@@ -151,7 +153,8 @@ fn combine(
                 params,
             )?;
             count_contacts(&pieces, report);
-            let cells = Cells::of(&pieces, &tree, progress)?;
+            let hulls = params.inside == Inside::OuterHull;
+            let cells = Cells::of(&pieces, &tree, hulls, progress)?;
             let rule = Rule::new(&cells, inputs.meshes.len(), params.inside);
             if std::mem::take(&mut is_first) {
                 doubt_empty(&rule, &expr.meshes(), report);

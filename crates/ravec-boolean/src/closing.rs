@@ -19,6 +19,7 @@ mod edges;
 mod loops;
 mod patch;
 mod seams;
+mod strip;
 mod walls;
 
 use glam::DVec3;

@@ -93,7 +93,7 @@ pub(crate) fn repair(
             .map(|source| !draft.parents[source.triangle as usize].whole)
             .collect();
         let pieces = cut(&soup, &tree, Some(&is_new), progress)?;
-        let cells = Cells::of(&pieces, &tree, progress)?;
+        let cells = Cells::of(&pieces, &tree, false, progress)?;
         let inside: Vec<bool> = (0..cells.len() as u32)
             .map(|cell| cells.winding(cell)[0] > 0)
             .collect();

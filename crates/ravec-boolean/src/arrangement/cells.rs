@@ -60,8 +60,9 @@ pub(crate) struct Cells {
     winding: Vec<i32>,
 }
 
-/// Winding-number jump across the piece, from its front to its back, sorted by mesh; zeros omitted.
-fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
+/// Winding-number jump across the piece, from its front to its back, sorted by mesh. Meshes that cancel are omitted, unless
+/// they are to be `kept`.
+fn change(pieces: &Pieces, piece: u32, kept: bool) -> Vec<(u32, i32)> {
     let mut list: Vec<(u32, i32)> = pieces
         .cover(piece)
         .map(|(triangle, same)| {
@@ -77,7 +78,7 @@ fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
             _ => merged.push((mesh, by)),
         }
     }
-    merged.retain(|&(_, by)| by != 0);
+    merged.retain(|&(_, by)| kept || by != 0);
     merged
 }
 
@@ -95,7 +96,8 @@ fn side_ahead(one: Use) -> Side {
 }
 
 impl Cells {
-    /// Finds the cells. `tree` holds the triangles of the soup.
+    /// Finds the cells. `tree` holds the triangles of the soup. With `keeps_cancelled` triangles of a mesh that lie on one another
+    /// and face opposite ways are walls between cells, too.
     ///
     /// # Errors
     /// [`BooleanError::Undecided`] if it cannot be found out what a part of the surface is in,
@@ -103,9 +105,11 @@ impl Cells {
     pub fn of(
         pieces: &Pieces,
         tree: &CandidateTree,
+        keeps_cancelled: bool,
         progress: &Progress,
     ) -> Result<Self, BooleanError> {
-        let matters = |piece: u32| pieces.has_one_cover(piece) || !change(pieces, piece).is_empty();
+        let change = |piece: u32| change(pieces, piece, keeps_cancelled);
+        let matters = |piece: u32| pieces.has_one_cover(piece) || !change(piece).is_empty();
         let edges = Edges::of(pieces, matters, progress)?;
         let (patch_of, firsts) = patches(pieces, &edges, matters, progress)?;
         let mut sides = DisjointSets::new(1 + 2 * firsts.len());
@@ -119,6 +123,11 @@ impl Cells {
                     parts.join(p, q);
                 }
             }
+        }
+        // around the border of a sheet both of its sides are in one cell
+        for &piece in &edges.free {
+            let patch = patch_of[piece as usize];
+            sides.join(node(patch, Side::Front), node(patch, Side::Back));
         }
         progress.check()?;
         let mut rays = Rays {
@@ -147,7 +156,7 @@ impl Cells {
             .map(|(patch, &first)| Patch {
                 cells: [Side::Front, Side::Back]
                     .map(|s| cell(node(Turned::new(patch as u32, false), s))),
-                change: change(pieces, first),
+                change: change(first),
             })
             .collect();
         let mut cells = Self {

@@ -38,6 +38,13 @@ pub(super) fn doubt(report: &mut BooleanReport, named: &[usize]) {
             operand.doubts.push(doubt);
         }
     }
+    let sheets = named.iter().filter(|&&mesh| report.operands[mesh].trimmed);
+    let in_sheets: u64 = sheets.map(|&mesh| report.operands[mesh].triangles).sum();
+    if report.trimmed && report.kept_triangles == in_sheets && report.triangles == in_sheets {
+        report
+            .doubts
+            .push("no mesh reaches the open surface: it came out as it went in".to_owned());
+    }
     let is_open = named.iter().any(|&mesh| !report.operands[mesh].closed);
     if report.triangles == 0 && is_open {
         report.doubts.push(

@@ -12,7 +12,7 @@ use super::{Surface, count_contacts, finished, within_memory};
 use crate::arrangement::{Cells, cut};
 use crate::closing::Closing;
 use crate::expr::{Expr, Known};
-use crate::params::{BooleanError, BooleanParams, BooleanReport, OpenRule};
+use crate::params::{BooleanError, BooleanParams, BooleanReport, Inside, OpenRule};
 use crate::repair::conflicts;
 use crate::select::trim;
 
@@ -33,7 +33,7 @@ pub(super) fn sheets_to_trim(
             OpenRule::Close => false,
         }
     };
-    let candidates: Vec<usize> = named.into_iter().filter(is_candidate).collect();
+    let candidates: Vec<usize> = named.iter().copied().filter(is_candidate).collect();
     let without_them = expr.known(&|mesh| {
         if candidates.contains(&mesh) {
             Known::Out
@@ -41,7 +41,9 @@ pub(super) fn sheets_to_trim(
             Known::Unknown
         }
     });
-    let lies_in_them = !candidates.is_empty() && without_them == Known::Out;
+    // something else has to trim them
+    let are_some = !candidates.is_empty() && candidates.len() < named.len();
+    let lies_in_them = are_some && without_them == Known::Out;
     if open == OpenRule::Trim && !lies_in_them {
         return Err(BooleanError::NothingToTrim);
     }
@@ -78,7 +80,8 @@ pub(super) fn trim_sheets(
         let contacts = pieces.contacts.len() as u64;
         within_memory(soup.triangles.len() as u64, contacts, params)?;
         count_contacts(&pieces, report);
-        let cells = Cells::of(&pieces, &tree, progress)?;
+        let hulls = params.inside == Inside::OuterHull;
+        let cells = Cells::of(&pieces, &tree, hulls, progress)?;
         let rule = Rule::new(&cells, inputs.meshes.len(), params.inside);
         let solids: Vec<usize> = expr
             .meshes()

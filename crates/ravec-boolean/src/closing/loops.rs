@@ -15,6 +15,7 @@
 
 use super::edges::Chain;
 use super::patch::{Patch, fill};
+use super::strip::strip;
 use super::walls::Walls;
 use crate::params::CloseRule;
 use glam::DVec3;
@@ -177,6 +178,11 @@ fn join(
     // bands that are asked for may be long
     let is_asked_for = close == CloseRule::Band;
     let reach = if is_asked_for { f64::INFINITY } else { 1.0 };
+    let originals: Vec<Vec<u32>> = filled
+        .iter()
+        .flatten()
+        .map(|own| own.vertices.clone())
+        .collect();
     for pair in neighbors(filled, reach, at, progress)? {
         progress.check()?;
         let [a, b] = pair.loops.map(|own| group.root(own as u32) as usize);
@@ -186,25 +192,64 @@ fn join(
         if a == b || (is_asked_for && !face_each_other(first, second, at)) {
             continue;
         }
-        let vertices = bridged(&first.vertices, &second.vertices, pair.bridge);
-        let Some(left) = room.checked_sub(vertices.len()) else {
-            continue;
+        let loops = first.loops + second.loops;
+        let strip = || {
+            strip_between(
+                pair.loops.map(|own| &originals[own][..]),
+                pair.bridge,
+                loops,
+                at,
+            )
         };
-        room = left;
-        let patch = filled_polygon(&vertices, at);
-        let is_less = patch.area < NOTABLY_LESS * (first.patch.area + second.patch.area);
-        if (is_less || is_asked_for) && !walls.is_retraced(&vertices, &patch, at) {
-            let loops = first.loops + second.loops;
-            filled[a] = Some(Filled {
+        let joined = if is_asked_for {
+            strip().filter(|strip| !walls.is_retraced(&strip.vertices, &strip.patch, at))
+        } else {
+            let vertices = bridged(&first.vertices, &second.vertices, pair.bridge);
+            let Some(left) = room.checked_sub(vertices.len()) else {
+                continue;
+            };
+            room = left;
+            let patch = filled_polygon(&vertices, at);
+            let is_less = patch.area < NOTABLY_LESS * (first.patch.area + second.patch.area);
+            let common = Filled {
                 vertices,
                 patch,
                 loops,
-            });
+            };
+            // of long loops a surface follows the wall less closely than a strip
+            let is_retraced = || {
+                let strip = strip();
+                let judged = strip.as_ref().unwrap_or(&common);
+                walls.is_retraced(&judged.vertices, &judged.patch, at)
+            };
+            (is_less && !is_retraced()).then_some(common)
+        };
+        if let Some(joined) = joined {
+            filled[a] = Some(joined);
             filled[b] = None;
             group.join_into(b as u32, a as u32);
         }
     }
     Ok(())
+}
+
+/// A strip between two loops from a bridge on, unless they are too long.
+fn strip_between(
+    pair: [&[u32]; 2],
+    bridge: [u32; 2],
+    loops: u32,
+    at: &impl Fn(u32) -> DVec3,
+) -> Option<Filled> {
+    let places = pair.map(|own| own.iter().map(|&v| at(v)).collect::<Vec<_>>());
+    let starts: [Option<usize>; 2] =
+        std::array::from_fn(|k| pair[k].iter().position(|&v| v == bridge[k]));
+    let patch = strip(&places[0], &places[1], [starts[0]?, starts[1]?])?;
+    let vertices = pair.concat();
+    Some(Filled {
+        vertices,
+        patch,
+        loops,
+    })
 }
 
 /// Returns `true` if neither of two loops was joined with another one and they run around opposite directions.

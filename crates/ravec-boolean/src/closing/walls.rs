@@ -19,6 +19,16 @@ const FOLD_COS: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Share of a boundary along which a surface may fold back onto the mesh. Where one repeats a wall, all of it does.
 const MAX_FOLDED: f64 = 0.5;
 
+/// Height of a triangle over a side, as a share of the side, below which it is a sliver.
+const SLIVER: f64 = 0.1;
+
+/// The same below which its direction is that of rounding.
+const MIN_HEIGHT: f64 = 1e-6;
+
+/// Distance of the polygon from a side of a triangle, as a share of the side, up to which the triangle stands for the edges
+/// there.
+const STRAIGHT: f64 = 0.1;
+
 /// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
 
@@ -87,23 +97,59 @@ impl Walls {
     }
 
     /// Returns `true` if a surface in a polygon along the boundary folds back onto the mesh along most of it.
+    ///
+    /// An edge is judged by the smallest triangle over it that is no sliver: along straight stretches of a polygon triangles are flat
+    /// and say nothing, and one over all of the stretch decides. Where there are none but slivers, as in a low wall, these do.
     pub fn is_retraced(&self, polygon: &[u32], patch: &Patch, at: &impl Fn(u32) -> DVec3) -> bool {
         let n = polygon.len();
-        let (mut whole, mut folded) = (0.0, 0.0);
+        let place = |i: usize| at(polygon[i % n]);
+        let mut sides: Vec<(usize, usize, usize)> = Vec::new();
         for t in &patch.triangles {
             for side in 0..3 {
-                let [i, j, k] = [t[side], t[(side + 1) % 3], t[(side + 2) % 3]].map(|i| i as usize);
-                let edge = [polygon[i], polygon[j]];
-                if (i + 1) % n != j || !self.apex.contains_key(&edge) {
+                let [i, j, k] = [0, 1, 2].map(|next| t[(side + next) % 3] as usize);
+                sides.push(((j + n - i) % n, i, k));
+            }
+        }
+        sides.sort_unstable();
+        let mut is_judged = vec![false; n];
+        let (mut whole, mut folded) = (0.0, 0.0);
+        for is_sliver_wanted in [false, true] {
+            for &(span, i, k) in &sides {
+                let [from, to, third] = [i, i + span, k].map(place);
+                let chord = from.distance(to);
+                let height = distance_to_line(third, [from, to]);
+                let is_sliver = height <= SLIVER * chord;
+                let is_flat = height <= MIN_HEIGHT * chord;
+                if is_sliver != is_sliver_wanted
+                    || is_flat
+                    || (i..i + span).all(|at| is_judged[at % n])
+                    || !(i + 1..i + span)
+                        .all(|at| distance_to_line(place(at), [from, to]) <= STRAIGHT * chord)
+                {
                     continue;
                 }
-                let length = at(edge[0]).distance(at(edge[1]));
-                whole += length;
-                if self.is_folded(edge, at, at(polygon[k])) {
-                    folded += length;
+                for own in i..i + span {
+                    let edge = [polygon[own % n], polygon[(own + 1) % n]];
+                    if std::mem::replace(&mut is_judged[own % n], true)
+                        || !self.apex.contains_key(&edge)
+                    {
+                        continue;
+                    }
+                    let length = at(edge[0]).distance(at(edge[1]));
+                    whole += length;
+                    if self.is_folded(edge, at, third) {
+                        folded += length;
+                    }
                 }
             }
         }
         folded > MAX_FOLDED * whole
     }
+}
+
+/// Distance of a place from the line through two others.
+fn distance_to_line(p: DVec3, [from, to]: [DVec3; 2]) -> f64 {
+    let along = (to - from).normalize_or_zero();
+    let away = p - from;
+    (away - along * away.dot(along)).length()
 }

@@ -166,7 +166,7 @@ fn place(at: DVec3) -> String {
 }
 
 /// A number with four digits.
-fn short(x: f64) -> String {
+pub(super) fn short(x: f64) -> String {
     if x == 0.0 || !(1e-3..1e5).contains(&x.abs()) {
         return if x == 0.0 {
             "0".to_owned()

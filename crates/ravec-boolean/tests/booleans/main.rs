@@ -3,5 +3,6 @@
 mod boxes;
 mod degenerate;
 mod far;
+mod open;
 mod solids;
 mod support;
