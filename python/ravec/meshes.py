@@ -347,6 +347,8 @@ def boolean(
     expression: str,
     *,
     inside: Literal["positive", "nonzero", "outer-hull"] = "positive",
+    close: Literal["auto", "lid", "band", "base"] = "auto",
+    open: Literal["auto", "trim", "close"] = "auto",
     memory: str | None = None,
     progress: Progress = None,
     **meshes: MeshLike,
@@ -358,6 +360,10 @@ def boolean(
 
     :param inside: the places that each mesh stands for: winding number above one half, not 0, or not reachable
         from outside
+    :param close: closing of open meshes: each hole by itself (``lid``), holes that face each other in common
+        (``band``), whichever takes less area (``auto``), or walls and a flat base below a relief (``base``)
+    :param open: open meshes that are trimmed instead of closed: sheets in differences and intersections with solids
+        (``auto``), all (``trim``) or none (``close``); a trimmed result is open
     """
     if not meshes:
         raise ValueError("an expression has meshes: name them as in boolean('a - b', a=cube, b=ball)")
@@ -368,7 +374,7 @@ def boolean(
             "files": [f"{name}=@{name}" for name in meshes],
             "output": "@output",
         },
-        params={"inside": inside, "memory": memory},
+        params={"inside": inside, "close": close, "open": open, "memory": memory},
         inputs={f"@{name}": Mesh._from(mesh)._data for name, mesh in meshes.items()},
         progress=progress,
     )

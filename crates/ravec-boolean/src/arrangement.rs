@@ -10,6 +10,7 @@ mod group;
 mod interval;
 mod places;
 mod point;
+mod rays;
 mod same_place;
 mod soup;
 mod triangulation;

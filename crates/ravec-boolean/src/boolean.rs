@@ -1,19 +1,29 @@
 //! The whole way from meshes and an expression to the result.
 
+mod doubts;
+mod inputs;
+mod rule;
+mod sheets;
+
 use glam::DVec3;
 use ravec_mesh::{Aabb, CandidateTree, Coordinates, TriMesh};
 use ravec_progress::{Cancelled, Progress};
 
 use crate::arrangement::{Cells, Edges, Pieces, Soup, cut, one_for_each_place, testable, uncut};
-use crate::closing::{Closing, close};
-use crate::examine::examine;
+use crate::closing::base_level;
 use crate::expr::Expr;
 use crate::finish::{Finished, finish, split_edges};
 use crate::near::{coarsened, merge_near};
-use crate::params::{Boolean, BooleanError, BooleanParams, BooleanReport, Inside, Origin};
+use crate::params::{
+    Boolean, BooleanError, BooleanParams, BooleanReport, CloseRule, Inside, Origin,
+};
 use crate::repair::{repair, round_to};
 use crate::select::{Draft, Parent, select};
 use crate::separate::{Separated, separate};
+use doubts::{doubt, doubt_empty};
+use inputs::{Inputs, prepare};
+use rule::Rule;
+use sheets::{sheets_to_trim, trim_sheets};
 
 /// The largest coordinate for which all products of the exact tests stay within doubles.
 const MAX_COORDINATE: f64 = 1e30;
@@ -72,10 +82,11 @@ const BYTES_PER_PAIR: u64 = 1100;
 /// The surface of what an expression over meshes says is inside.
 ///
 /// Meshes may be any triangles at all. Those that are closed stand for what they wind around; others are closed first, and
-/// the report says so.
+/// the report says so. Where the result lies in open sheets alone, as in sheet - solid, these are trimmed, and the result is open.
 ///
 /// # Errors
-/// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], [`BooleanError::OutOfMemory`], and
+/// [`BooleanError::NoSuchMesh`], [`BooleanError::OutOfRange`], [`BooleanError::OutOfMemory`],
+/// [`BooleanError::NotARelief`], [`BooleanError::NothingToTrim`], [`BooleanError::Undecided`], and
 /// [`BooleanError::Cancelled`] soon after `progress` is.
 ///
 /// # Panics
@@ -87,83 +98,30 @@ pub fn boolean(
     progress: &Progress,
 ) -> Result<Boolean, BooleanError> {
     let expr = check(meshes, expr, params)?;
-    let named = expr.named;
     let mut report = BooleanReport::default();
-    let mut closings: Vec<Closing> = Vec::with_capacity(meshes.len());
-    for mesh in meshes {
-        let closing = close(mesh, progress)?;
-        report.operands.push(examine(mesh, &closing, progress)?);
-        closings.push(closing);
-    }
-    let expr = expr.pruned;
-    let needed = expr.meshes();
-    report.pruned = named
-        .iter()
-        .filter(|mesh| needed.binary_search(mesh).is_err())
-        .map(|&mesh| mesh as u32)
-        .collect();
-    let nothing = TriMesh::default();
-    let list: Vec<&TriMesh> = meshes
-        .iter()
-        .enumerate()
-        .map(|(index, mesh)| match needed.binary_search(&index) {
-            Ok(_) => mesh,
-            Err(_) => &nothing,
-        })
-        .collect();
-    let operands = report.operands.iter();
-    let sound: Vec<bool> = operands.map(|o| o.degenerate_triangles == 0).collect();
-    let given = Soup::of(&list, &closings, &sound, progress)?;
-    let largest = given.positions.iter().map(|p| p.abs().max_element());
-    let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
-    let mut soup = given;
-    let own_ulp = ulp / f64::EPSILON * params.coordinates.epsilon();
-    let first_reach = first_reach(params.coordinates) * own_ulp;
-    let mut reach = first_reach;
-    let mut coarser = match params.coordinates {
-        Coordinates::Double => COARSER.iter(),
-        Coordinates::Single => COARSER_SINGLE.iter(),
+    let mut inputs = prepare(meshes, params, &mut report, progress)?;
+    let sheets = sheets_to_trim(&expr.flattened, params.open, &mut inputs, &mut report)?;
+    let result = if sheets.is_empty() {
+        inputs.keep(&expr, &mut report);
+        combine(&inputs, &expr.pruned, params, &mut report, progress)?
+    } else {
+        trim_sheets(
+            &inputs,
+            &expr.flattened,
+            &sheets,
+            params,
+            &mut report,
+            progress,
+        )?
     };
-    let (parents, finished) = loop {
-        let tree = soup.tree(progress)?;
-        let draft = {
-            let pieces = cut(&soup, &tree, None, progress)?;
-            within_memory(
-                soup.triangles.len() as u64,
-                pieces.contacts.len() as u64,
-                params,
-            )?;
-            count_contacts(&pieces, &mut report);
-            let cells = Cells::of(&pieces, &tree, progress)?;
-            let inside = evaluate(&cells, meshes.len(), &expr, params.inside);
-            select(&pieces, &cells, &inside, progress)?
-        };
-        let mut rounded = round_off(draft, &soup, tree, reach, params, &mut report, progress)?;
-        if params.separate {
-            keep_apart(&mut rounded.1, params, &mut report, progress)?;
-        }
-        let next = coarser.next().filter(|_| !is_sound(&rounded.1, &report));
-        soup = match next {
-            None => break rounded,
-            Some(&Coarser::MergeNear(ulps)) => {
-                reach = first_reach.max(2.0 * ulps * ulp);
-                report.moved = ulps * ulp;
-                merge_near(&soup, ulps * ulp, |_| true, progress)?
-            }
-            Some(&Coarser::Grid(ulps)) => {
-                reach = first_reach.max(2.0 * ulps * ulp);
-                report.moved = 1.5 * ulps * ulp;
-                coarsened(
-                    &Soup::of(&list, &closings, &sound, progress)?,
-                    ulps * ulp,
-                    progress,
-                )?
-            }
-        };
-    };
+    let Surface {
+        soup,
+        parents,
+        finished,
+    } = result;
     progress.check()?;
     let is_sound = is_sound(&finished, &report);
-    let mut origins = origins(&parents, &soup, meshes);
+    let mut origins = origins(&parents, &soup, &inputs);
     progress.check()?;
     let mesh = TriMesh::new(finished.positions, finished.triangles)
         .expect("vertices were numbered as they were used");
@@ -172,9 +130,12 @@ pub fn boolean(
     }
     report.triangles = mesh.triangles().len() as u64;
     report.kept_triangles = origins.iter().filter(|o| o.whole).count() as u64;
-    report.solid = is_sound;
+    report.solid = is_sound && !report.trimmed;
     progress.check()?;
-    report.volume = ravec_mesh::measure(&mesh).volume;
+    let measures = ravec_mesh::measure(&mesh);
+    report.area = measures.area;
+    report.volume = if report.trimmed { 0.0 } else { measures.volume };
+    doubt(&mut report, &expr.named);
     Ok(Boolean {
         mesh,
         origins,
@@ -208,13 +169,90 @@ fn keep_apart(
     Ok(())
 }
 
+/// The result, and the soup that the parents of its triangles are named after.
+struct Surface {
+    soup: Soup,
+    parents: Vec<Parent>,
+    finished: Finished,
+}
+
+/// Cuts meshes along each other and keeps what bounds the inside.
+fn combine(
+    inputs: &Inputs,
+    expr: &Expr,
+    params: &BooleanParams,
+    report: &mut BooleanReport,
+    progress: &Progress,
+) -> Result<Surface, BooleanError> {
+    let given = inputs.soup(progress)?;
+    let largest = given.positions.iter().map(|p| p.abs().max_element());
+    let ulp = largest.fold(0.0, f64::max) * f64::EPSILON;
+    let mut soup = given;
+    let own_ulp = ulp / f64::EPSILON * params.coordinates.epsilon();
+    let first_reach = first_reach(params.coordinates) * own_ulp;
+    let mut reach = first_reach;
+    let mut coarser = match params.coordinates {
+        Coordinates::Double => COARSER.iter(),
+        Coordinates::Single => COARSER_SINGLE.iter(),
+    };
+    let mut is_first = true;
+    loop {
+        let tree = soup.tree(progress)?;
+        let draft = {
+            let pieces = cut(&soup, &tree, None, progress)?;
+            within_memory(
+                soup.triangles.len() as u64,
+                pieces.contacts.len() as u64,
+                params,
+            )?;
+            count_contacts(&pieces, report);
+            let hulls = params.inside == Inside::OuterHull;
+            let cells = Cells::of(&pieces, &tree, hulls, progress)?;
+            let rule = Rule::new(&cells, inputs.meshes.len(), params.inside);
+            if std::mem::take(&mut is_first) {
+                doubt_empty(&rule, &expr.meshes(), report);
+            }
+            let inside: Vec<bool> = (0..cells.len() as u32)
+                .map(|cell| expr.eval(&|mesh| rule.holds(mesh, cell)))
+                .collect();
+            select(&pieces, &cells, &inside, progress)?
+        };
+        let mut rounded = round_off(draft, &soup, tree, reach, params, report, progress)?;
+        if params.separate {
+            keep_apart(&mut rounded.1, params, report, progress)?;
+        }
+        let next = coarser.next().filter(|_| !is_sound(&rounded.1, report));
+        soup = match next {
+            None => {
+                let (parents, finished) = rounded;
+                return Ok(Surface {
+                    soup,
+                    parents,
+                    finished,
+                });
+            }
+            Some(&Coarser::MergeNear(ulps)) => {
+                reach = first_reach.max(2.0 * ulps * ulp);
+                report.moved = ulps * ulp;
+                merge_near(&soup, ulps * ulp, |_| true, progress)?
+            }
+            Some(&Coarser::Grid(ulps)) => {
+                reach = first_reach.max(2.0 * ulps * ulp);
+                report.moved = 1.5 * ulps * ulp;
+                coarsened(&inputs.soup(progress)?, ulps * ulp, progress)?
+            }
+        };
+    }
+}
+
 /// The triangle of the meshes that each triangle of the result is or lies in.
-fn origins(parents: &[Parent], soup: &Soup, meshes: &[TriMesh]) -> Vec<Origin> {
+fn origins(parents: &[Parent], soup: &Soup, inputs: &Inputs) -> Vec<Origin> {
     parents
         .iter()
         .map(|parent| {
             let source = soup.sources[parent.triangle as usize];
-            let mesh = &meshes[source.mesh as usize];
+            let mesh = &inputs.meshes[source.mesh as usize];
+            let turned = inputs.turned[source.mesh as usize].get(source.triangle as usize);
             let own = mesh.triangles().get(source.triangle as usize);
             let is_as_given = own.is_some_and(|t| {
                 soup.is_as_given
@@ -223,7 +261,7 @@ fn origins(parents: &[Parent], soup: &Soup, meshes: &[TriMesh]) -> Vec<Origin> {
             Origin {
                 mesh: source.mesh,
                 triangle: own.map(|_| source.triangle),
-                reversed: parent.reversed,
+                reversed: parent.reversed != (turned == Some(&true)),
                 whole: parent.whole && is_as_given,
             }
         })
@@ -270,7 +308,7 @@ fn round_off(
     params: &BooleanParams,
     report: &mut BooleanReport,
     progress: &Progress,
-) -> Result<(Vec<Parent>, Finished), Cancelled> {
+) -> Result<(Vec<Parent>, Finished), BooleanError> {
     let coordinates = params.coordinates;
     report.rounded = round_to(&mut draft, coordinates);
     let mut tree = Some(tree);
@@ -286,15 +324,7 @@ fn round_off(
         report.moved += repaired.moved;
         report.self_intersections = repaired.contacts;
         let (flat, parents) = flattened(repaired.draft, progress)?;
-        let pieces = uncut(&flat);
-        let edges = Edges::of(&pieces, |_| true, progress)?;
-        let side = |piece: u32| {
-            let parent = parents[piece as usize];
-            let mesh = soup.sources[parent.triangle as usize].mesh;
-            (mesh, parent.reversed)
-        };
-        let differ = |one, other| side(one) != side(other);
-        let mut finished = finish(&pieces, edges, differ, progress)?;
+        let mut finished = with_fans(&flat, &parents, soup, progress)?;
         let is_hopeless = repaired.contacts > 0;
         if finished.pinched.is_empty() || is_hopeless || attempt == MAX_SPLITS {
             finished.closed &= finished.pinched.is_empty();
@@ -308,6 +338,35 @@ fn round_off(
         draft = split_edges(rounded, &finished.pinched, coordinates);
     }
     unreachable!("the last attempt returns")
+}
+
+/// A draft with one vertex for each fan, and the parents of its triangles.
+fn finished(
+    draft: Draft,
+    soup: &Soup,
+    progress: &Progress,
+) -> Result<(Vec<Parent>, Finished), Cancelled> {
+    let (flat, parents) = flattened(draft, progress)?;
+    let finished = with_fans(&flat, &parents, soup, progress)?;
+    Ok((parents, finished))
+}
+
+/// Gives each fan of triangles a vertex of its own.
+fn with_fans(
+    flat: &Soup,
+    parents: &[Parent],
+    soup: &Soup,
+    progress: &Progress,
+) -> Result<Finished, Cancelled> {
+    let pieces = uncut(flat);
+    let edges = Edges::of(&pieces, |_| true, progress)?;
+    let side = |piece: u32| {
+        let parent = parents[piece as usize];
+        let mesh = soup.sources[parent.triangle as usize].mesh;
+        (mesh, parent.reversed)
+    };
+    let differ = |one, other| side(one) != side(other);
+    finish(&pieces, edges, differ, progress)
 }
 
 /// The triangles of a draft that have an area, over one vertex for each place, and their parents.
@@ -343,7 +402,9 @@ fn flattened(draft: Draft, progress: &Progress) -> Result<(Soup, Vec<Parent>), C
 struct Checked {
     /// The meshes that it speaks of.
     named: Vec<usize>,
-    /// The expression without what has no effect on the result.
+    /// The expression with nested operators of one kind as one.
+    flattened: Expr,
+    /// That without what has no effect on the result.
     pruned: Expr,
 }
 
@@ -373,10 +434,21 @@ fn check(meshes: &[TriMesh], expr: &Expr, params: &BooleanParams) -> Result<Chec
             return Err(BooleanError::BeyondSinglePrecision { mesh, largest });
         }
     }
-    let pruned = expr.clone().flattened().pruned(&bounds);
+    let flattened = expr.clone().flattened();
+    let mut bounds = bounds;
+    if params.close == CloseRule::Base {
+        for (bounds, mesh) in bounds.iter_mut().zip(meshes) {
+            bounds.min.z = base_level(mesh).min(bounds.min.z);
+        }
+    }
+    let pruned = flattened.pruned(&bounds);
     let triangles = |mesh: usize| meshes[mesh].triangles().len() as u64;
     within_memory(pruned.meshes().into_iter().map(triangles).sum(), 0, params)?;
-    Ok(Checked { named, pruned })
+    Ok(Checked {
+        named,
+        flattened,
+        pruned,
+    })
 }
 
 /// Returns `true` if this number of triangles, of which this number of pairs meet, can be combined within the memory
@@ -387,22 +459,4 @@ fn within_memory(triangles: u64, pairs: u64, params: &BooleanParams) -> Result<(
         Some(allowed) if needed > allowed => Err(BooleanError::OutOfMemory { needed, allowed }),
         _ => Ok(()),
     }
-}
-
-/// For each cell whether it is inside.
-fn evaluate(cells: &Cells, meshes: usize, expr: &Expr, inside: Inside) -> Vec<bool> {
-    let hulls: Vec<Vec<bool>> = match inside {
-        Inside::OuterHull => (0..meshes as u32).map(|m| cells.enclosed_by(m)).collect(),
-        Inside::Positive | Inside::Nonzero => Vec::new(),
-    };
-    (0..cells.len() as u32)
-        .map(|cell| {
-            let winding = cells.winding(cell);
-            expr.eval(&|mesh| match inside {
-                Inside::Positive => winding[mesh] > 0,
-                Inside::Nonzero => winding[mesh] != 0,
-                Inside::OuterHull => hulls[mesh][cell as usize],
-            })
-        })
-        .collect()
 }

@@ -101,6 +101,7 @@ pub(crate) fn finish(
     let Edges {
         mut across,
         junctions,
+        ..
     } = edges;
     let (pairs, mut closed) = paired_sides(list, &junctions, &mut across);
     closed &= across

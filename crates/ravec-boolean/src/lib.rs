@@ -20,5 +20,6 @@ mod separate;
 pub use boolean::boolean;
 pub use expr::{Expr, Known, ParseExprError};
 pub use params::{
-    Boolean, BooleanError, BooleanParams, BooleanReport, Inside, OperandReport, Origin,
+    Boolean, BooleanError, BooleanParams, BooleanReport, CloseRule, DroppedPart, Inside, OpenRule,
+    OperandReport, Origin,
 };

@@ -13,13 +13,55 @@ use ravec_mesh::{Coordinates, TriMesh};
 pub enum Inside {
     /// Those with a winding number above one half: where it is closed, those that it goes around counterclockwise.
     ///
-    /// The winding number is the generalized one, which an open mesh has, too.
+    /// The winding number is the generalized one, which an open mesh has, too. A mesh that is inside out as a whole is turned
+    /// first, and so are closed parts that are inside out and clear of all others.
     #[default]
     Positive,
     /// Those that it goes around in either direction, for meshes with parts that are inside out.
     Nonzero,
     /// Those that cannot be reached from outside: cavities are filled, directions do not matter.
     OuterHull,
+}
+
+/// Closing of the boundary of an open mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
+pub enum CloseRule {
+    /// Fills each loop of the boundary by itself, or two by a band between them where that takes less area and does not
+    /// repeat the mesh's own wall.
+    #[default]
+    Auto,
+    /// Fills each loop by itself, as a lid on each end of a tube.
+    Lid,
+    /// Joins loops that face each other by a band, nearest first, as the missing inner wall of a ring; others get lids.
+    Band,
+    /// Puts a relief that is open below on a flat base: walls go straight down along z from its boundary, to 2% of the diagonal of
+    /// its bounding box below its lowest point.
+    Base,
+}
+
+/// Treatment of open sheets: meshes with a boundary of which every part is a thin surface that its closing only covers once
+/// more, such as a terrain.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename_all = "kebab-case")
+)]
+pub enum OpenRule {
+    /// Trims sheets where the result lies in them alone, as in sheet - solid and sheet & solid; closes all other open meshes.
+    #[default]
+    Auto,
+    /// Trims all open meshes: the result is the part of their surfaces that the expression keeps, and stays open.
+    Trim,
+    /// Closes all open meshes, sheets too.
+    Close,
 }
 
 /// Parameters of a Boolean.
@@ -32,6 +74,10 @@ pub enum Inside {
 pub struct BooleanParams {
     /// The places that count as inside each mesh.
     pub inside: Inside,
+    /// Closing of open meshes.
+    pub close: CloseRule,
+    /// Open meshes that are trimmed instead of closed.
+    pub open: OpenRule,
     /// Precision of the coordinates of the result (default double). With single precision the result is rounded to 32-bit
     /// floats and repaired on these, so that the report holds for a file that stores nothing else.
     pub coordinates: Coordinates,
@@ -59,6 +105,20 @@ pub struct Origin {
     pub whole: bool,
 }
 
+/// A part of a mesh that is inside out and was left as it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct DroppedPart {
+    /// Its volume, which is negative.
+    pub volume: f64,
+    /// Number of its triangles.
+    pub triangles: u64,
+    /// Index of the first of them in the mesh.
+    pub first_triangle: u32,
+    /// Center of its bounding box.
+    pub center: [f64; 3],
+}
+
 /// Findings about an input mesh.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -77,8 +137,20 @@ pub struct OperandReport {
     pub closing_triangles: u64,
     /// Connected parts of it that are inside out and in no other part.
     pub reversed_parts: u64,
+    /// Connected parts of it that were turned since they are inside out: all of them, or those clear of all others.
+    pub turned_parts: u64,
+    /// The other parts that are inside out, the largest first: what only they go around counts as outside.
+    pub dropped_parts: Vec<DroppedPart>,
+    /// `true` if it is an open sheet: thin, with a boundary, and covered once more by what closes it.
+    pub sheet: bool,
+    /// `true` if it was trimmed as an open surface, and not closed.
+    pub trimmed: bool,
+    /// Volume that it encloses once it is closed and turned; places that it goes around twice count twice.
+    pub volume: f64,
     /// Assumptions about it, as sentences; empty for a clean solid.
     pub assumptions: Vec<String>,
+    /// Reasons why the result is probably not what was meant, as sentences with a remedy.
+    pub doubts: Vec<String>,
 }
 
 /// Report of a Boolean operation and of the properties of its result.
@@ -112,8 +184,25 @@ pub struct BooleanReport {
     /// `true` if the result is closed, manifold, consistently oriented and free of self-intersections, as a reader of a file with
     /// [`BooleanParams::coordinates`] and [`BooleanParams::separate`] sees it.
     pub solid: bool,
-    /// Volume inside the result.
+    /// `true` if the result is an open surface, trimmed by solids.
+    pub trimmed: bool,
+    /// Volume inside the result; 0 if it is an open surface.
     pub volume: f64,
+    /// Area of the result.
+    pub area: f64,
+    /// Reasons why the result is probably not what was meant, as sentences with a remedy; those of the meshes are theirs.
+    pub doubts: Vec<String>,
+}
+
+impl BooleanReport {
+    /// Returns `true` if the result is a solid, nothing at all, or a trimmed surface, without self-intersections, and there is
+    /// no doubt about it.
+    #[must_use]
+    pub fn passed(&self) -> bool {
+        let is_sound = self.solid || self.triangles == 0 || self.trimmed;
+        let doubts = self.operands.iter().map(|o| o.doubts.len()).sum::<usize>();
+        is_sound && self.self_intersections == 0 && self.doubts.is_empty() && doubts == 0
+    }
 }
 
 /// The result of an expression.
@@ -141,6 +230,19 @@ pub enum BooleanError {
         /// Number of meshes.
         meshes: usize,
     },
+    /// A mesh cannot be put on a flat base.
+    #[error(
+        "mesh {mesh} is no relief, since seen along z its triangles face both ways: set `close` to lid or band"
+    )]
+    NotARelief {
+        /// Index of the mesh.
+        mesh: usize,
+    },
+    /// No open mesh can be trimmed.
+    #[error(
+        "nothing can be trimmed: `open` trim takes an open mesh in a difference or intersection with closed ones, as in sheet - solid"
+    )]
+    NothingToTrim,
     /// Coordinates are too large or too small for exact arithmetic.
     #[error(
         "mesh {mesh} has coordinates of up to {largest:e}, but exact arithmetic takes 1e-50 to 1e30: scale the meshes first"
@@ -169,6 +271,15 @@ pub enum BooleanError {
         mesh: usize,
         /// The largest coordinate by size.
         largest: f64,
+    },
+    /// Every ray from a part of a surface meets an edge, so that it is not known what the part is in.
+    #[error(
+        "what lies around the part of a mesh at ({}, {}, {}) could not be decided: move or turn one of the meshes a little",
+        at[0], at[1], at[2]
+    )]
+    Undecided {
+        /// A place of that part.
+        at: [f64; 3],
     },
     /// The caller cancelled.
     #[error("cancelled")]

@@ -19,6 +19,7 @@ use ravec_progress::{Cancelled, Progress};
 use crate::arrangement::{Cells, Soup, cut};
 use crate::closing::Closing;
 use crate::near::merge_near;
+use crate::params::BooleanError;
 use crate::select::{Draft, Parent, select};
 
 /// Rounds after which repair gives up.
@@ -76,14 +77,14 @@ pub(crate) struct Repaired {
 /// triangles that parents are named after; `reach` is how near vertices are merged in the second round, the first that does.
 ///
 /// # Errors
-/// [`Cancelled`] soon after `progress` is.
+/// Those of [`Cells::of`].
 pub(crate) fn repair(
     mut draft: Draft,
     input: &CandidateTree,
     mut reach: f64,
     coordinates: Coordinates,
     progress: &Progress,
-) -> Result<Repaired, Cancelled> {
+) -> Result<Repaired, BooleanError> {
     let mut found = conflicts(&draft, input, progress)?;
     let largest = input.bounds().min.abs().max(input.bounds().max.abs());
     let most = farthest(coordinates) * largest.max_element();
@@ -122,7 +123,7 @@ pub(crate) fn repair(
             .map(|source| !draft.parents[source.triangle as usize].whole)
             .collect();
         let pieces = cut(&soup, &tree, Some(&is_new), progress)?;
-        let cells = Cells::of(&pieces, &tree, progress)?;
+        let cells = Cells::of(&pieces, &tree, false, progress)?;
         let inside: Vec<bool> = (0..cells.len() as u32)
             .map(|cell| cells.winding(cell)[0] > 0)
             .collect();
@@ -163,7 +164,10 @@ fn soup_of(
 }
 
 /// The pairs of new triangles, or of a new and a whole one, that meet where they should not.
-fn conflicts(
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
+pub(crate) fn conflicts(
     draft: &Draft,
     input: &CandidateTree,
     progress: &Progress,

@@ -65,16 +65,50 @@ pub(crate) fn select(
     inside: &[bool],
     progress: &Progress,
 ) -> Result<Draft, Cancelled> {
-    let is_kept = |piece: &u32| kept(pieces, cells, inside, *piece).is_some();
+    draft_of(pieces, |piece| kept(pieces, cells, inside, piece), progress)
+}
+
+/// The pieces of sheets for which `stays` says so of the sheet and of the cells on both sides, facing as their triangles do.
+///
+/// # Errors
+/// [`Cancelled`] soon after `progress` is.
+pub(crate) fn trim(
+    pieces: &Pieces,
+    cells: &Cells,
+    is_sheet: impl Fn(u32) -> bool,
+    stays: impl Fn(u32, [u32; 2]) -> bool,
+    progress: &Progress,
+) -> Result<Draft, Cancelled> {
+    let kept = |piece: u32| {
+        let mesh = |triangle: u32| pieces.soup.sources[triangle as usize].mesh;
+        let (parent, same) = pieces.cover(piece).find(|&(t, _)| is_sheet(mesh(t)))?;
+        let sides = [
+            cells.cell(piece, Side::Front)?,
+            cells.cell(piece, Side::Back)?,
+        ];
+        stays(mesh(parent), sides).then_some(Kept {
+            piece,
+            parent,
+            reversed: false,
+            turned: !same,
+        })
+    };
+    draft_of(pieces, kept, progress)
+}
+
+/// The pieces that are kept, rounded.
+fn draft_of(
+    pieces: &Pieces,
+    kept: impl Fn(u32) -> Option<Kept>,
+    progress: &Progress,
+) -> Result<Draft, Cancelled> {
+    let is_kept = |piece: &u32| kept(*piece).is_some();
     let whole = || {
         pieces
             .all()
             .take_while(|&p| !pieces.pieces_of_cut().contains(&p))
     };
-    let of_cut: Vec<Kept> = pieces
-        .pieces_of_cut()
-        .filter_map(|piece| kept(pieces, cells, inside, piece))
-        .collect();
+    let of_cut: Vec<Kept> = pieces.pieces_of_cut().filter_map(&kept).collect();
     progress.check()?;
     let restored = restorable(pieces, &of_cut, || whole().filter(is_kept), progress)?;
     progress.check()?;
@@ -94,7 +128,7 @@ pub(crate) fn select(
         *slot
     };
     let mut done = FxHashSet::default();
-    let of_whole = whole().filter_map(|piece| kept(pieces, cells, inside, piece));
+    let of_whole = whole().filter_map(&kept);
     for (at, one) in of_whole.chain(of_cut).enumerate() {
         if at % STRIDE == 0 {
             progress.check()?;

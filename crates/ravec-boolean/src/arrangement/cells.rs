@@ -2,8 +2,8 @@
 //!
 //! Pieces that meet in an edge where no others do belong to one patch; both sides of a patch look into one cell each. Where
 //! more than two meet, neighbors in the order around the edge look into the same cell. That leaves parts of the surface
-//! which touch no others; a ray from each, along an axis and clear of all edges, says what lies between them and the outside. From
-//! there winding numbers are counted through the patches.
+//! which touch no others; a ray from each says what lies between them and the outside (`rays`). From there winding numbers are
+//! counted through the patches.
 //!
 //! Source: Zhou, Grinspun, Zorin and Jacobson, "Mesh arrangements for solid geometry", 2016.
 //!
@@ -12,29 +12,14 @@
 
 use std::collections::VecDeque;
 
-use glam::{DVec2, DVec3};
-use ravec_mesh::{Aabb, CandidateTree, Sign};
+use ravec_mesh::CandidateTree;
 use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
 
-use super::contact::{flat, view};
 use super::cut::Pieces;
 use super::edges::{Edges, NONE, Turned, Use};
-use super::point::{Definition, Point, orient2d};
-
-/// Weights of the corners for the places in a piece from which rays are tried, one after the other, where one meets an
-/// edge. In general position the first does; the others are for grids.
-const WEIGHTS: [[f64; 3]; 6] = [
-    [0.371, 0.322, 0.307],
-    [0.523, 0.231, 0.246],
-    [0.219, 0.537, 0.244],
-    [0.253, 0.219, 0.528],
-    [0.437, 0.411, 0.152],
-    [0.117, 0.443, 0.440],
-];
-
-/// Number of pieces of a connected part that are compared for the largest, from which a ray is tried first.
-const MAX_TRIALS: u32 = 1000;
+use super::rays::Rays;
+use crate::params::BooleanError;
 
 /// Pieces between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
@@ -49,7 +34,7 @@ pub(crate) enum Side {
 }
 
 impl Side {
-    fn other(self) -> Self {
+    pub fn other(self) -> Self {
         match self {
             Self::Front => Self::Back,
             Self::Back => Self::Front,
@@ -75,8 +60,9 @@ pub(crate) struct Cells {
     winding: Vec<i32>,
 }
 
-/// Winding-number jump across the piece, from its front to its back, sorted by mesh; zeros omitted.
-fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
+/// Winding-number jump across the piece, from its front to its back, sorted by mesh. Meshes that cancel are omitted, unless
+/// they are to be `kept`.
+fn change(pieces: &Pieces, piece: u32, kept: bool) -> Vec<(u32, i32)> {
     let mut list: Vec<(u32, i32)> = pieces
         .cover(piece)
         .map(|(triangle, same)| {
@@ -92,12 +78,12 @@ fn change(pieces: &Pieces, piece: u32) -> Vec<(u32, i32)> {
             _ => merged.push((mesh, by)),
         }
     }
-    merged.retain(|&(_, by)| by != 0);
+    merged.retain(|&(_, by)| kept || by != 0);
     merged
 }
 
 /// The node of a side of a patch: node 0 is the outside.
-fn node(patch: Turned, side: Side) -> u32 {
+pub(super) fn node(patch: Turned, side: Side) -> u32 {
     let number = patch.number();
     let number = number.expect("asked only of pieces that have an effect");
     let back = (side == Side::Back) != patch.is_turned();
@@ -110,16 +96,20 @@ fn side_ahead(one: Use) -> Side {
 }
 
 impl Cells {
-    /// Finds the cells. `tree` holds the triangles of the soup.
+    /// Finds the cells. `tree` holds the triangles of the soup. With `keeps_cancelled` triangles of a mesh that lie on one another
+    /// and face opposite ways are walls between cells, too.
     ///
     /// # Errors
-    /// [`Cancelled`] soon after `progress` is.
+    /// [`BooleanError::Undecided`] if it cannot be found out what a part of the surface is in,
+    /// [`BooleanError::Cancelled`] soon after `progress` is.
     pub fn of(
         pieces: &Pieces,
         tree: &CandidateTree,
+        keeps_cancelled: bool,
         progress: &Progress,
-    ) -> Result<Self, Cancelled> {
-        let matters = |piece: u32| pieces.has_one_cover(piece) || !change(pieces, piece).is_empty();
+    ) -> Result<Self, BooleanError> {
+        let change = |piece: u32| change(pieces, piece, keeps_cancelled);
+        let matters = |piece: u32| pieces.has_one_cover(piece) || !change(piece).is_empty();
         let edges = Edges::of(pieces, matters, progress)?;
         let (patch_of, firsts) = patches(pieces, &edges, matters, progress)?;
         let mut sides = DisjointSets::new(1 + 2 * firsts.len());
@@ -133,6 +123,11 @@ impl Cells {
                     parts.join(p, q);
                 }
             }
+        }
+        // around the border of a sheet both of its sides are in one cell
+        for &piece in &edges.free {
+            let patch = patch_of[piece as usize];
+            sides.join(node(patch, Side::Front), node(patch, Side::Back));
         }
         progress.check()?;
         let mut rays = Rays {
@@ -161,7 +156,7 @@ impl Cells {
             .map(|(patch, &first)| Patch {
                 cells: [Side::Front, Side::Back]
                     .map(|s| cell(node(Turned::new(patch as u32, false), s))),
-                change: change(pieces, first),
+                change: change(first),
             })
             .collect();
         let mut cells = Self {
@@ -302,174 +297,5 @@ fn first_of(earlier: &mut [Turned], mut piece: u32) -> (u32, bool) {
         }
         is_turned ^= own.is_turned();
         piece = before;
-    }
-}
-
-/// Rays that tie the parts of the surface to what is around them.
-struct Rays<'a> {
-    pieces: &'a Pieces<'a>,
-    tree: &'a CandidateTree,
-    patch_of: &'a [Turned],
-    sides: &'a mut DisjointSets,
-}
-
-impl Rays<'_> {
-    /// One ray from each connected part.
-    fn cast(&mut self, parts: &mut DisjointSets, progress: &Progress) -> Result<(), Cancelled> {
-        // the largest of the first pieces of each part, from which a ray has the best chances
-        let mut largest: Vec<(f64, u32)> = vec![(-1.0, NONE); parts.len()];
-        let mut tried = vec![0; parts.len()];
-        for (piece, patch) in self.patch_of.iter().enumerate() {
-            let Some(patch) = patch.number() else {
-                continue;
-            };
-            let part = parts.root(patch) as usize;
-            if tried[part] < MAX_TRIALS {
-                tried[part] += 1;
-                let [a, b, c] = self.rounded(piece as u32);
-                let area = (b - a).cross(c - a).length_squared();
-                if area > largest[part].0 {
-                    largest[part] = (area, piece as u32);
-                }
-            }
-        }
-        for (_, piece) in largest {
-            progress.check()?;
-            if piece == NONE || self.shoot(piece) {
-                continue;
-            }
-            let mut part_of = |piece: u32| {
-                let patch = self.patch_of[piece as usize].number();
-                patch.map(|patch| parts.root(patch))
-            };
-            let part = part_of(piece);
-            // a part of slivers: any of them that lets a ray out will do
-            let others = (0..self.patch_of.len() as u32).filter(|&other| part_of(other) == part);
-            let others: Vec<u32> = others.collect();
-            others.into_iter().any(|other| self.shoot(other));
-        }
-        Ok(())
-    }
-
-    fn rounded(&self, piece: u32) -> [DVec3; 3] {
-        let corners = self.pieces.corners(piece);
-        corners.map(|name| self.pieces.places.rounded(name))
-    }
-
-    fn plane(&self, piece: u32) -> [DVec3; 3] {
-        let (triangle, _) = self.pieces.first_cover(piece);
-        self.pieces.soup.corners(triangle)
-    }
-
-    /// Sends a ray from a piece along an axis to the outside; `false` if it met an edge wherever it was tried.
-    fn shoot(&mut self, piece: u32) -> bool {
-        let axis = view(self.plane(piece));
-        let corners = self.rounded(piece).map(|p| flat(p, axis));
-        WEIGHTS.iter().any(|weights| {
-            let at = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-            self.shoot_at(piece, axis, at)
-        })
-    }
-
-    fn shoot_at(&mut self, piece: u32, axis: usize, at: DVec2) -> bool {
-        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-        let places = &self.pieces.places;
-        let grid = places.grid();
-        let bounds = self.tree.bounds();
-        let mut line = [DVec3::ZERO; 2];
-        for end in &mut line {
-            end[i] = grid.snap(at.x);
-            end[j] = grid.snap(at.y);
-        }
-        line[0][axis] = grid.snap(bounds.min[axis]);
-        line[1][axis] = grid.snap(bounds.max[axis]);
-        if line[0][axis] == line[1][axis] {
-            line[1][axis] = if line[0][axis] == 0.0 { 1.0 } else { 0.0 };
-        }
-        let foot = Point::at(line[0]);
-        let Some(Some(up)) = self.passes(piece, &foot, axis) else {
-            return false;
-        };
-        let height = |piece: u32| {
-            let definition = Definition::LinePlane(line, self.plane(piece));
-            Point::defined(definition, places.max_width(), grid)
-        };
-        let start = height(piece);
-        let mut hits = vec![(start, piece, up)];
-        let mut tower = Aabb::around(line);
-        tower.min[axis] = hits[0].0.near[axis].lo;
-        tower.max[axis] = bounds.max[axis];
-        let mut candidates = Vec::new();
-        self.tree.for_each_near(&tower, |triangle| {
-            candidates.extend(self.pieces.of_triangle(triangle));
-        });
-        candidates.sort_unstable();
-        candidates.dedup();
-        for other in candidates {
-            if other == piece || self.patch_of[other as usize] == Turned::NONE {
-                continue;
-            }
-            match self.passes(other, &foot, axis) {
-                None => return false,
-                Some(None) => {}
-                Some(Some(up)) => {
-                    let place = height(other);
-                    if place.compare(&hits[0].0, axis, grid).is_gt() {
-                        hits.push((place, other, up));
-                    }
-                }
-            }
-        }
-        hits.sort_by(|a, b| a.0.compare(&b.0, axis, grid));
-        for (k, (_, piece, up)) in hits.iter().enumerate() {
-            let above = node(self.patch_of[*piece as usize], *up);
-            let next = hits.get(k + 1).map_or(0, |(_, piece, up)| {
-                node(self.patch_of[*piece as usize], up.other())
-            });
-            self.sides.join(above, next);
-        }
-        true
-    }
-
-    /// The side of a piece that a line along an axis comes out of, if it goes through the inside of the piece; `None` if
-    /// it meets the border.
-    #[allow(
-        clippy::option_option,
-        reason = "three answers, of which one ends the search"
-    )]
-    fn passes(&self, piece: u32, foot: &Point, axis: usize) -> Option<Option<Side>> {
-        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
-        let places = &self.pieces.places;
-        let corners = self.pieces.corners(piece);
-        let points = corners.map(|name| match places.made(name) {
-            Some(point) => point.clone(),
-            None => Point::at(places.given()[name as usize]),
-        });
-        let clear = |k: usize| {
-            let lo = points
-                .iter()
-                .map(|p| p.near[k].lo)
-                .fold(f64::INFINITY, f64::min);
-            let hi = points
-                .iter()
-                .map(|p| p.near[k].hi)
-                .fold(f64::NEG_INFINITY, f64::max);
-            foot.near[k].hi < lo || foot.near[k].lo > hi
-        };
-        if clear(i) || clear(j) {
-            return Some(None);
-        }
-        let grid = places.grid();
-        let signs: [Sign; 3] =
-            std::array::from_fn(|k| orient2d(&points[k], &points[(k + 1) % 3], foot, axis, grid));
-        if signs.contains(&Sign::Positive) && signs.contains(&Sign::Negative) {
-            Some(None)
-        } else if signs.contains(&Sign::Zero) {
-            None
-        } else if signs[0] == Sign::Positive {
-            Some(Some(Side::Front))
-        } else {
-            Some(Some(Side::Back))
-        }
     }
 }

@@ -61,6 +61,8 @@ pub(crate) struct Edges {
     /// The other edges with more than one piece: their ends and their pieces, counter-clockwise as seen when looking
     /// from the higher end towards the lower.
     pub junctions: Vec<([u32; 2], Vec<Use>)>,
+    /// Pieces with an edge that no other piece has, one for each such edge.
+    pub free: Vec<u32>,
 }
 
 /// No number.
@@ -95,6 +97,7 @@ impl Edges {
             }
         }
         let mut junctions = Vec::new();
+        let mut free = Vec::new();
         // higher end, side, and whether it runs towards that end
         let mut here: Vec<(u32, u32, bool)> = Vec::new();
         for (lower, mut side) in (0_u32..).zip(starts) {
@@ -114,7 +117,7 @@ impl Edges {
             here.sort_unstable();
             for group in here.chunk_by(|a, b| a.0 == b.0) {
                 match group {
-                    [_] => {}
+                    [(_, one, _)] => free.push(one / 3),
                     [(_, one, up), (_, other, other_up)] => {
                         for (one, other) in [(one, other), (other, one)] {
                             across[(one / 3) as usize][(one % 3) as usize] =
@@ -131,7 +134,11 @@ impl Edges {
                 }
             }
         }
-        let mut edges = Self { across, junctions };
+        let mut edges = Self {
+            across,
+            junctions,
+            free,
+        };
         progress.check()?;
         edges.sort_around(pieces, progress)?;
         Ok(edges)

@@ -168,6 +168,33 @@ impl Exact {
         }
     }
 
+    /// The mean of three points with positive weights.
+    pub fn weighted(points: &[Self; 3], weights: [i64; 3]) -> Self {
+        let [a, b, c] = points;
+        let shares = [
+            &b.w * &c.w * weights[0],
+            &c.w * &a.w * weights[1],
+            &a.w * &b.w * weights[2],
+        ];
+        let xyz =
+            |k: usize| &a.xyz[k] * &shares[0] + &b.xyz[k] * &shares[1] + &c.xyz[k] * &shares[2];
+        Self {
+            xyz: std::array::from_fn(xyz),
+            w: &a.w * &b.w * &c.w * weights.iter().sum::<i64>(),
+        }
+    }
+
+    /// The point of a plane above or below this one along `axis`; `None` if the plane is along the axis, too.
+    pub fn on_plane(&self, grid: Grid, through: &[DVec3; 3], axis: usize) -> Option<Self> {
+        let (normal, a) = plane(grid, through);
+        let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+        let w = &self.w * &normal[axis];
+        let mut xyz: Vector = self.xyz.each_ref().map(|x| x * &normal[axis]);
+        xyz[axis] =
+            &self.w * dot(&normal, &a) - &normal[i] * &self.xyz[i] - &normal[j] * &self.xyz[j];
+        Self::normalized(xyz, w)
+    }
+
     /// Compares coordinate `axis` with that of `other`.
     pub fn compare(&self, other: &Self, axis: usize) -> std::cmp::Ordering {
         (&self.xyz[axis] * &other.w).cmp(&(&other.xyz[axis] * &self.w))
@@ -251,5 +278,26 @@ mod tests {
             assert!(found.lo <= expected && expected <= found.hi);
         }
         assert!(Exact::of_planes(grid, &[planes[0], planes[0], planes[1]]).is_none());
+    }
+
+    #[test]
+    fn a_mean_of_corners_is_in_their_plane() {
+        let grid = Grid { scale: 0 };
+        let triangle = [
+            DVec3::new(1e15, 3.0, 1.0),
+            DVec3::new(1e15 + 1.0, 3.0, 2.0),
+            DVec3::new(1e15, 4.0, 5.0),
+        ];
+        let corners = triangle.map(|p| Exact::of_point(grid, p));
+        let mean = Exact::weighted(&corners, [1, 2, 4]);
+        for axis in 0..3 {
+            let same = mean.on_plane(grid, &triangle, axis).unwrap();
+            assert!((0..3).all(|k| mean.compare(&same, k).is_eq()));
+        }
+        let other = triangle.map(|p| p + DVec3::Z);
+        let above = mean.on_plane(grid, &other, 2).unwrap();
+        assert!(above.compare(&mean, 2).is_gt() && above.compare(&mean, 0).is_eq());
+        let upright = [DVec3::ZERO, DVec3::X, DVec3::Z];
+        assert!(mean.on_plane(grid, &upright, 2).is_none());
     }
 }

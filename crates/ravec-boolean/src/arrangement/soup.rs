@@ -70,8 +70,8 @@ impl Soup {
             meshes: meshes.len(),
             is_as_given: true,
         };
-        for mesh in meshes {
-            for part in mesh.positions().chunks(STRIDE) {
+        for (mesh, closing) in meshes.iter().zip(closings) {
+            for part in mesh.positions().chunks(STRIDE).chain([&closing.added[..]]) {
                 progress.check()?;
                 let first = soup.positions.len();
                 soup.positions.extend(part.iter().copied().map(testable));
@@ -81,7 +81,7 @@ impl Soup {
         let names = one_for_each_place(&mut soup.positions, progress)?;
         let mut first = 0;
         for (index, (mesh, closing)) in meshes.iter().zip(closings).enumerate() {
-            let names = &names[first..][..mesh.positions().len()];
+            let names = &names[first..][..mesh.positions().len() + closing.added.len()];
             first += names.len();
             let is_known = soup.is_as_given && sound.get(index) == Some(&true);
             let own = mesh.triangles().len();

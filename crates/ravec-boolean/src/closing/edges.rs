@@ -44,6 +44,11 @@ impl Chain {
         })
     }
 
+    /// The ends of all edges, some of them more than once.
+    pub fn vertices(&self) -> impl Iterator<Item = u32> {
+        self.0.keys().flatten().copied()
+    }
+
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -58,6 +63,8 @@ pub(super) struct Census {
     pub clashing: u64,
     /// Edges of more than two triangles.
     pub multiple: u64,
+    /// Vertices that are where one of the boundary with a lower index is, and that one.
+    pub first: FxHashMap<u32, u32>,
 }
 
 /// The census of a mesh.
@@ -70,12 +77,13 @@ pub(super) fn census(mesh: &TriMesh, progress: &Progress) -> Result<Census, Canc
     if first.is_empty() {
         return Ok(by_index);
     }
-    count(mesh, |v| first.get(&v).copied().unwrap_or(v), progress)
+    let by_place = count(mesh, |v| first.get(&v).copied().unwrap_or(v), progress)?;
+    Ok(Census { first, ..by_place })
 }
 
 /// The vertices of a chain that are where one with a lower index is, and that one.
 fn first_at_place(chain: &Chain, positions: &[DVec3]) -> FxHashMap<u32, u32> {
-    let mut vertices: Vec<_> = chain.0.keys().flatten().copied().collect();
+    let mut vertices: Vec<_> = chain.vertices().collect();
     vertices.sort_unstable();
     vertices.dedup();
     let mut seen = FxHashMap::default();

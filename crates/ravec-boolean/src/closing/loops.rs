@@ -4,7 +4,10 @@
 //! 2. Two loops near each other may be better filled by a band between them than each for itself, as the two rims of a
 //!    ring: they are joined by a bridge into one polygon, and if that has a surface of notably less area, it stays.
 //!
-//! That is the choice of the winding number, too: the surface where the wall of an open tube winds a half goes over from
+//! A band that repeats the wall between its loops, as the one between the rims of a short tube does, closes nothing (`walls`);
+//! such loops get a lid each.
+//!
+//! Where a band is one, that is the choice of the winding number, too: the surface where the wall of an open tube winds a half goes over from
 //! two lids to a band where the tube is 1.15 radii long, least area where it is 1.06 radii long.
 //!
 //! Cost: O(n log n) for n edges where loops touch in few places; each join as a patch of as many corners, of which there are at
@@ -12,6 +15,9 @@
 
 use super::edges::Chain;
 use super::patch::{Patch, fill};
+use super::strip::strip;
+use super::walls::Walls;
+use crate::params::CloseRule;
 use glam::DVec3;
 use ravec_mesh::Aabb;
 use ravec_numeric::DisjointSets;
@@ -123,9 +129,11 @@ fn shortest(
     way
 }
 
-/// Fills loops, in common where that takes notably less area.
+/// Fills loops, in common as `close` says.
 pub(super) fn fill_loops(
     loops: Vec<Vec<u32>>,
+    walls: &Walls,
+    close: CloseRule,
     at: &impl Fn(u32) -> DVec3,
     progress: &Progress,
 ) -> Result<Vec<Filled>, Cancelled> {
@@ -138,7 +146,9 @@ pub(super) fn fill_loops(
             loops: 1,
         }));
     }
-    join(&mut filled, at, progress)?;
+    if matches!(close, CloseRule::Auto | CloseRule::Band) {
+        join(&mut filled, walls, close, at, progress)?;
+    }
     Ok(filled.into_iter().flatten().collect())
 }
 
@@ -158,33 +168,64 @@ struct Neighbors {
 
 fn join(
     filled: &mut [Option<Filled>],
+    walls: &Walls,
+    close: CloseRule,
     at: &impl Fn(u32) -> DVec3,
     progress: &Progress,
 ) -> Result<(), Cancelled> {
     let mut group = DisjointSets::new(filled.len());
     let mut room = JOIN_CORNERS;
-    for pair in neighbors(filled, at, progress)? {
+    // bands that are asked for may be long
+    let is_asked_for = close == CloseRule::Band;
+    let reach = if is_asked_for { f64::INFINITY } else { 1.0 };
+    let originals: Vec<Vec<u32>> = filled
+        .iter()
+        .flatten()
+        .map(|own| own.vertices.clone())
+        .collect();
+    for pair in neighbors(filled, reach, at, progress)? {
         progress.check()?;
         let [a, b] = pair.loops.map(|own| group.root(own as u32) as usize);
         let (Some(first), Some(second)) = (&filled[a], &filled[b]) else {
             continue;
         };
-        if a == b {
+        if a == b || (is_asked_for && !face_each_other(first, second, at)) {
             continue;
         }
-        let vertices = bridged(&first.vertices, &second.vertices, pair.bridge);
-        let Some(left) = room.checked_sub(vertices.len()) else {
-            continue;
+        let loops = first.loops + second.loops;
+        let strip = || {
+            strip_between(
+                pair.loops.map(|own| &originals[own][..]),
+                pair.bridge,
+                loops,
+                at,
+            )
         };
-        room = left;
-        let patch = filled_polygon(&vertices, at);
-        if patch.area < NOTABLY_LESS * (first.patch.area + second.patch.area) {
-            let loops = first.loops + second.loops;
-            filled[a] = Some(Filled {
+        let joined = if is_asked_for {
+            strip().filter(|strip| !walls.is_retraced(&strip.vertices, &strip.patch, at))
+        } else {
+            let vertices = bridged(&first.vertices, &second.vertices, pair.bridge);
+            let Some(left) = room.checked_sub(vertices.len()) else {
+                continue;
+            };
+            room = left;
+            let patch = filled_polygon(&vertices, at);
+            let is_less = patch.area < NOTABLY_LESS * (first.patch.area + second.patch.area);
+            let common = Filled {
                 vertices,
                 patch,
                 loops,
-            });
+            };
+            // of long loops a surface follows the wall less closely than a strip
+            let is_retraced = || {
+                let strip = strip();
+                let judged = strip.as_ref().unwrap_or(&common);
+                walls.is_retraced(&judged.vertices, &judged.patch, at)
+            };
+            (is_less && !is_retraced()).then_some(common)
+        };
+        if let Some(joined) = joined {
+            filled[a] = Some(joined);
             filled[b] = None;
             group.join_into(b as u32, a as u32);
         }
@@ -192,9 +233,42 @@ fn join(
     Ok(())
 }
 
-/// Pairs of loops that are nearer to each other than the smaller one is wide, the relatively nearest first.
+/// A strip between two loops from a bridge on, unless they are too long.
+fn strip_between(
+    pair: [&[u32]; 2],
+    bridge: [u32; 2],
+    loops: u32,
+    at: &impl Fn(u32) -> DVec3,
+) -> Option<Filled> {
+    let places = pair.map(|own| own.iter().map(|&v| at(v)).collect::<Vec<_>>());
+    let starts: [Option<usize>; 2] =
+        std::array::from_fn(|k| pair[k].iter().position(|&v| v == bridge[k]));
+    let patch = strip(&places[0], &places[1], [starts[0]?, starts[1]?])?;
+    let vertices = pair.concat();
+    Some(Filled {
+        vertices,
+        patch,
+        loops,
+    })
+}
+
+/// Returns `true` if neither of two loops was joined with another one and they run around opposite directions.
+fn face_each_other(one: &Filled, other: &Filled, at: &impl Fn(u32) -> DVec3) -> bool {
+    let area = |filled: &Filled| -> DVec3 {
+        let vertices = &filled.vertices;
+        let origin = at(vertices[0]);
+        let sides = vertices.windows(2);
+        sides
+            .map(|v| (at(v[0]) - origin).cross(at(v[1]) - origin))
+            .sum()
+    };
+    one.loops == 1 && other.loops == 1 && area(one).dot(area(other)) < 0.0
+}
+
+/// Pairs of loops that are nearer to each other than `reach` times the width of the smaller one, the relatively nearest first.
 fn neighbors(
     filled: &[Option<Filled>],
+    reach: f64,
     at: &impl Fn(u32) -> DVec3,
     progress: &Progress,
 ) -> Result<Vec<Neighbors>, Cancelled> {
@@ -211,15 +285,15 @@ fn neighbors(
     let mut pairs = Vec::new();
     for (i, (a, of_a, box_a)) in loops.iter().enumerate() {
         for (b, of_b, box_b) in &loops[..i] {
-            let reach = box_a.diagonal().min(box_b.diagonal());
-            if !box_a.grown(reach).touches(box_b) {
+            let width = box_a.diagonal().min(box_b.diagonal());
+            if !box_a.grown(reach * width).touches(box_b) {
                 continue;
             }
             progress.check()?;
             let (gap, bridge) = nearest(of_a, of_b, at);
-            if gap < reach {
+            if gap < reach * width {
                 pairs.push(Neighbors {
-                    gap_rel: gap / reach,
+                    gap_rel: gap / width,
                     loops: [*a, *b],
                     bridge,
                 });

@@ -9,12 +9,14 @@
 //! 3. Edges that are thereby used as often in one direction as in the other are closed: the triangles between the true edge
 //!    and the one that it was taken for are added, and the boundary moves there, where it cancels.
 //!
-//! The remains of a seam at its ends are small loops. No place moves: triangles only lead from one to another.
+//! Strips that cover the wall between the two rims of a low tube once more are left out. The remains of a seam at its ends are
+//! small loops. No place moves: triangles only lead from one to another.
 //!
 //! Guarantees: the boundary stays a chain without boundary. Cost: some microseconds an edge of the boundary.
 
 use super::edges::Chain;
 use super::patch::fill;
+use super::walls::Walls;
 use glam::DVec3;
 use ravec_mesh::{Bvh, TriMesh};
 use ravec_progress::{Cancelled, Progress};
@@ -39,6 +41,7 @@ pub(super) struct Seams {
 /// Closes seams: adds to `triangles` and leaves in `chain` what is still open.
 pub(super) fn close_seams(
     chain: &mut Chain,
+    walls: &Walls,
     at: &impl Fn(u32) -> DVec3,
     diagonal: f64,
     triangles: &mut Vec<[u32; 3]>,
@@ -50,7 +53,7 @@ pub(super) fn close_seams(
         if chain.is_empty() || width == 0.0 {
             break;
         }
-        for snapped in snap(chain, at, width, progress)? {
+        for snapped in snap(chain, walls, at, width, progress)? {
             let Snapped {
                 loop_,
                 count,
@@ -90,6 +93,7 @@ struct Near {
 
 fn snap(
     chain: &Chain,
+    walls: &Walls,
     at: &impl Fn(u32) -> DVec3,
     width: f64,
     progress: &Progress,
@@ -148,8 +152,15 @@ fn snap(
         if way == edge || cancelled < 0.5 * whole || whole == 0.0 {
             continue;
         }
-        let apart = way.iter().map(|&v| distance_to(at(v), edge.map(at)));
-        let apart = apart.fold(0.0, f64::max);
+        let apart = |v: u32| distance_to(at(v), edge.map(at));
+        let farthest = way
+            .iter()
+            .copied()
+            .max_by(|&v, &w| apart(v).total_cmp(&apart(w)));
+        if farthest.is_some_and(|v| walls.is_covered(edge, at, at(v))) {
+            continue;
+        }
+        let apart = farthest.map_or(0.0, apart);
         let mut loop_ = vec![edge[1], edge[0]];
         loop_.extend(way);
         loop_.dedup();

@@ -1,10 +1,17 @@
+use super::notes::short;
 use super::*;
 use crate::closing::close;
+use crate::params::CloseRule;
+use glam::DVec3;
 use ravec_scenes::solids::{cuboid, icosphere};
 
 fn examined(mesh: &TriMesh) -> OperandReport {
-    let closing = close(mesh, &Progress::none()).unwrap();
-    examine(mesh, &closing, &Progress::none()).unwrap()
+    examined_by(mesh, Inside::Positive).report
+}
+
+fn examined_by(mesh: &TriMesh, inside: Inside) -> Examined {
+    let closing = close(mesh, CloseRule::Auto, &Progress::none()).unwrap();
+    examine(mesh, &closing, inside, &Progress::none()).unwrap()
 }
 
 fn turned(mesh: &TriMesh) -> TriMesh {
@@ -41,15 +48,86 @@ fn a_hollow_solid_is_not_inside_out_but_a_part_beside_it_is() {
     let inner = turned(&inner);
     let hollow = joined(&[outer.clone(), inner.clone()]);
     assert_eq!(examined(&hollow).reversed_parts, 0);
-    let beside = joined(&[outer, moved(&inner, 5.0 * DVec3::X)]);
-    let report = examined(&beside);
-    assert_eq!(report.reversed_parts, 1);
-    assert!(
-        report.assumptions[0].starts_with("1 part is inside out (with a volume of -4.047 near (4"),
-        "{:?}",
-        report.assumptions
+    let beside = joined(&[outer.clone(), moved(&inner, 5.0 * DVec3::X)]);
+    let Examined { report, turn } = examined_by(&beside, Inside::Positive);
+    assert_eq!((report.reversed_parts, report.turned_parts), (1, 1));
+    assert_eq!(
+        turn.iter().filter(|turned| **turned).count(),
+        inner.triangles().len()
     );
-    assert_eq!(examined(&inner).reversed_parts, 1);
+    assert!(!turn[0] && report.dropped_parts.is_empty() && report.doubts.is_empty());
+    let [outer, inner] = [&outer, &inner].map(|part| ravec_mesh::measure(part).volume);
+    assert!((report.volume - (outer - inner)).abs() < 1e-9);
+    assert_eq!(
+        report.assumptions[0],
+        "1 part is inside out and touches no other, and was turned (with a volume of -4.047 near (5, 0, 0))"
+    );
+    for inside in [Inside::Nonzero, Inside::OuterHull] {
+        let Examined { report, turn } = examined_by(&beside, inside);
+        assert_eq!((report.reversed_parts, report.turned_parts), (1, 0));
+        assert!(turn.is_empty() && report.dropped_parts.is_empty());
+    }
+}
+
+#[test]
+fn a_mesh_that_is_inside_out_is_turned_with_its_cavities() {
+    let [outer, inner] = [2.0, 1.0].map(|radius| icosphere(radius, 2).mesh);
+    let hollow = joined(&[outer, turned(&inner)]);
+    let open = {
+        let (positions, mut triangles) = cuboid(DVec3::ONE).mesh.into_parts();
+        triangles.pop();
+        TriMesh::new(positions, triangles).unwrap()
+    };
+    for solid in [cuboid(DVec3::ONE).mesh, hollow, open] {
+        let right = examined(&solid);
+        let Examined { report, turn } = examined_by(&turned(&solid), Inside::Positive);
+        assert!(turn.iter().all(|turned| *turned) && !turn.is_empty());
+        assert_eq!(report.assumptions[0], "it is inside out and was turned");
+        assert!((report.volume - right.volume).abs() < 1e-12);
+        assert_eq!(report.turned_parts, 1);
+    }
+}
+
+#[test]
+fn a_part_inside_out_that_overlaps_another_is_left_and_named() {
+    let bed = cuboid(DVec3::new(4.0, 2.0, 1.0)).mesh;
+    let post = turned(&cuboid(DVec3::new(0.5, 0.5, 3.0)).mesh);
+    let posts = [-1.9, 1.9].map(|x| moved(&post, DVec3::new(x, 0.0, 0.0)));
+    let mesh = joined(&[bed, posts[0].clone(), posts[1].clone()]);
+    let Examined { report, turn } = examined_by(&mesh, Inside::Positive);
+    assert!(turn.is_empty());
+    assert_eq!(report.dropped_parts.len(), 2);
+    let first = report.dropped_parts[0];
+    assert_eq!((first.triangles, first.volume), (12, -0.75));
+    assert!([12, 24].contains(&first.first_triangle));
+    assert_eq!(report.doubts.len(), 1);
+    let doubt = &report.doubts[0];
+    assert!(
+        doubt.starts_with(
+            "2 parts are inside out and overlap others: they were left out (volume 0.75 near ("
+        ),
+        "{doubt}"
+    );
+    assert!(
+        doubt.ends_with("set `inside` to outer-hull or nonzero"),
+        "{doubt}"
+    );
+    let report = examined_by(&mesh, Inside::OuterHull).report;
+    assert!(report.dropped_parts.is_empty() && report.doubts.is_empty());
+}
+
+#[test]
+fn small_parts_far_from_the_middle_are_as_they_are() {
+    let large = cuboid(DVec3::splat(2_f64.powi(40))).mesh;
+    let small = moved(
+        &cuboid(DVec3::splat(2.0)).mesh,
+        DVec3::splat(2_f64.powi(41)),
+    );
+    for (small, turned_parts) in [(small.clone(), 0), (turned(&small), 1)] {
+        let report = examined(&joined(&[large.clone(), small]));
+        assert_eq!(report.turned_parts, turned_parts);
+        assert!(report.doubts.is_empty());
+    }
 }
 
 #[test]

@@ -3,8 +3,9 @@
 use crate::support::{assert_members, assert_sound, cuboid, run};
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
-use ravec_boolean::Expr;
-use ravec_mesh::TriMesh;
+use ravec_boolean::{BooleanParams, Expr, Inside, OpenRule, boolean};
+use ravec_mesh::{TriMesh, measure};
+use ravec_progress::Progress;
 use ravec_scenes::solids::{cylinder, icosphere};
 
 /// A rotation by a Pythagorean angle about one axis and then another, times 25: whole numbers stay whole.
@@ -117,8 +118,19 @@ proptest! {
             let corners = own.map(|t| t.map(|i| i.index(places.len()) as u32));
             TriMesh::new(places.clone(), corners.collect()).unwrap()
         });
+        for inside in [Inside::Positive, Inside::OuterHull] {
+            let params = BooleanParams { inside, open: OpenRule::Close, ..BooleanParams::default() };
+            let result = boolean(&meshes, &expr, &params, &Progress::none()).unwrap();
+            if !result.mesh.triangles().is_empty() {
+                assert_sound(&result);
+            }
+        }
+        // open sheets that are trimmed have no more area than all of them
         let result = run(&meshes, &expr);
-        if !result.mesh.triangles().is_empty() {
+        let area: f64 = meshes.iter().map(|mesh| measure(mesh).area).sum();
+        if result.report.trimmed {
+            prop_assert!(result.report.area <= area * (1.0 + 1e-12));
+        } else if !result.mesh.triangles().is_empty() {
             assert_sound(&result);
         }
     }

@@ -2,6 +2,8 @@
 
 mod boxes;
 mod degenerate;
+mod far;
+mod open;
 mod single;
 mod solids;
 mod support;

@@ -172,11 +172,15 @@ fn a_mesh_that_overlaps_itself_loses_its_inner_walls() {
 
 #[test]
 fn what_is_inside_can_be_chosen() {
-    // a box with a box inside out in it, and another inside out beside it
+    // a box with a box inside out in it, another inside out beside it, and one that is half in it
     let parts = [
         (cuboid(DVec3::ZERO, DVec3::splat(3.0)), false),
         (cuboid(DVec3::ONE, DVec3::splat(2.0)), true),
         (cuboid(DVec3::splat(4.0), DVec3::splat(5.0)), true),
+        (
+            cuboid(DVec3::new(2.5, 0.25, 0.25), DVec3::new(5.0, 0.75, 0.75)),
+            true,
+        ),
     ];
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for (part, inside_out) in parts {
@@ -189,9 +193,9 @@ fn what_is_inside_can_be_chosen() {
     }
     let meshes = [TriMesh::new(positions, triangles).unwrap()];
     for (inside, volume) in [
-        (Inside::Positive, 26.0),
-        (Inside::Nonzero, 27.0),
-        (Inside::OuterHull, 28.0),
+        (Inside::Positive, 26.875),
+        (Inside::Nonzero, 27.375),
+        (Inside::OuterHull, 28.5),
     ] {
         let params = BooleanParams {
             inside,
@@ -200,6 +204,7 @@ fn what_is_inside_can_be_chosen() {
         let result = boolean(&meshes, &Expr::Mesh(0), &params, &Progress::none()).unwrap();
         assert_sound(&result);
         assert_eq!(result.report.volume, volume, "{inside:?}");
+        assert_eq!(result.report.passed(), inside != Inside::Positive);
     }
 }
 

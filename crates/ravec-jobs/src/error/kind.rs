@@ -110,6 +110,9 @@ impl JobError {
                     | OffsetError::NormalDeviation { .. },
                 ..
             }
+            | Self::Boolean {
+                cause: BooleanError::NothingToTrim,
+            }
             | Self::Complete {
                 cause:
                     CompleteError::QuadCrosses { .. }
@@ -141,7 +144,7 @@ impl JobError {
                 ..
             }
             | Self::Boolean {
-                cause: BooleanError::OutOfRange { .. },
+                cause: BooleanError::OutOfRange { .. } | BooleanError::NotARelief { .. },
             }
             | Self::SizesDiffer { .. }
             | Self::Complete { .. }

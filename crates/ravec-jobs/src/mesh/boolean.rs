@@ -17,7 +17,9 @@ use crate::report::{Finding, Report};
 use bytesize::ByteSize;
 use glam::DVec2;
 use ravec::boolean as library;
-use ravec::boolean::{BooleanError, BooleanReport, Expr, Inside, ParseExprError};
+use ravec::boolean::{
+    BooleanError, BooleanReport, CloseRule, Expr, Inside, OpenRule, ParseExprError,
+};
 use ravec::mesh::{Coordinates, TriMesh};
 use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat};
 use ravec::mesh_render::View;
@@ -30,7 +32,7 @@ pub use place::Placement;
 
 /// Combine meshes by a Boolean expression, exactly; triangles away from the cuts stay unchanged
 ///
-/// The exit code is 5 if the result was written but is not solid.
+/// The exit code is 5 if the result was written but is not solid, or probably not what was meant.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[cfg_attr(feature = "cli", derive(clap::Args), command(after_help = HELP))]
@@ -69,17 +71,27 @@ Examples:
   ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf
   ravec boolean union part.stl other.ply -o hull.ply --inside outer-hull --json -
   ravec boolean a-b part.stl other.ply -o moved.ply --place b:0,0,0.5,90,0,0
+  ravec boolean union terrain.stl -o model.stl --close base
 
 Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
 (a | b) - (c & d). A file that the expression does not name is not read.
 
-Meshes may be any triangles. A mesh stands for the places where its winding number is above one half (--inside positive); an open \
-one is closed first: edges that nearly meet are joined, holes filled by surfaces of least area. What was assumed about a mesh \
-is a warning and stands in the report. Triangles that no other mesh touches come out as they went in. The result is solid if it \
+Meshes may be any triangles. A mesh stands for the places where its winding number is above one half (--inside positive); one that is \
+inside out is turned, and so are closed parts that are inside out and touch no others. Other parts that are inside out are left out; \
+warnings give their places and volumes, and the exit code is 5: --inside outer-hull keeps them.
+
+An open mesh is closed first: edges that nearly meet are joined, holes filled by surfaces of least area, but not by what repeats the \
+mesh's own wall. --close lid fills each hole by itself, band joins holes that face each other, base puts a relief on a flat base, \
+2% of its diagonal below its lowest point along z. An open sheet minus a solid, or cut with one by &, is not closed but trimmed, and so is \
+the result an open surface (solid 0, trimmed 1); --open close closes sheets, too, --open trim trims all open meshes. What was assumed \
+about a mesh is a warning and stands in the report.
+
+Triangles that no other mesh touches come out as they went in. The result is solid if it \
 is closed, manifold and does not meet itself; if it is not, it is written all the same, a warning says what is wrong, and the exit code \
-is 5. An empty result is an empty mesh, and no error. Where coordinates become 32-bit floats (binary STL, glTF, --precision single), the result \
-is rounded and repaired on these: all that is said holds for the file. STL joins vertices at equal places, so that solids which touch in an \
-edge or a vertex are drawn apart there by some millionths of the size, and a warning says so.
+is 5. So it is if a mesh or the result encloses no volume. Where solids have nothing in common the result is an empty mesh, and no error. \
+Where coordinates become 32-bit floats (binary STL, glTF, --precision single), the result is rounded and repaired on these: all that is \
+said holds for the file. STL joins vertices at equal places, so that solids which touch in an edge or a vertex are drawn apart there by some \
+millionths of the size, and a warning says so.
 
 --place NAME:tx,ty,tz,rx,ry,rz,s moves a mesh before it is combined: it is scaled by s about the center of its bounding box, turned there \
 by rx degrees about the x axis, then ry about y, then rz about z (the axes stay where they are; counter-clockwise seen from their tips), and \
@@ -88,8 +100,9 @@ shifted by tx,ty,tz in units of the first mesh. Scale, or turns and scale, may b
 Colors of the vertices of PLY files follow into a PLY file, texture coordinates of OBJ and glTF files into one of these. --origins has a row for each triangle: mesh, triangle (none for one that \
 closes a hole), whether it was turned, and whether it is whole.
 
-Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, repair_rounds, self_intersections, solid (0 or 1), volume; \
-largest_rounding, where coordinates become 32-bit floats; separated_vertices, where solids that touch were drawn apart. In JSON, result is what was found out about each mesh, passed the \
+Figures: triangles, kept_triangles, seam_edges, intersecting_pairs, repair_rounds, self_intersections, solid and trimmed (0 or 1), \
+volume (0 if trimmed), area; largest_rounding, where coordinates become 32-bit floats; separated_vertices, where solids that touch were \
+drawn apart. In JSON, result is what was found out about each mesh, passed the \
 verdict, and details the report of the library.";
 
 /// Parameters of [`Boolean`].
@@ -100,6 +113,12 @@ pub struct Params {
     /// The places that each mesh stands for
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().inside))]
     pub inside: Inside,
+    /// Closing of open meshes
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().close))]
+    pub close: CloseRule,
+    /// Open meshes that are trimmed instead of closed
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().open))]
+    pub open: OpenRule,
     /// Place of a mesh: shift in units of the first mesh, turns about x, then y, then z in degrees, scale; turned and scaled about
     /// the center of its box. May be repeated
     #[cfg_attr(
@@ -125,6 +144,8 @@ impl Default for Params {
     fn default() -> Self {
         Self {
             inside: Inside::default(),
+            close: CloseRule::default(),
+            open: OpenRule::default(),
             places: Vec::new(),
             memory: None,
             unit: None,
@@ -182,13 +203,14 @@ impl Operation for Boolean {
     /// coordinates of OBJ and glTF files follow into one of these: each piece of a triangle shows what was there.
     ///
     /// [`Report::passed`] says whether the result is closed, manifold and free of self-intersections as readers of the file see
-    /// it: rounded to 32-bit floats where these are written, with vertices at equal places joined where the format is STL. If not,
-    /// it is written all the same. An empty one passes.
+    /// it (rounded to 32-bit floats where these are written, with vertices at equal places joined where the format is STL), or
+    /// empty, or an open surface trimmed by solids, and nothing about the meshes casts doubt on it ([`BooleanReport::passed`]). If
+    /// not, it is written all the same.
     ///
     /// Figures: `triangles`, `kept_triangles` (those of an input, whole and unchanged), `seam_edges` (along which surfaces were
-    /// cut), `intersecting_pairs` of triangles, `repair_rounds` after rounding to double precision, `self_intersections`, `solid` (0
-    /// or 1), `volume` in cubic units of the file that is written; `largest_rounding` if it holds 32-bit floats,
-    /// `separated_vertices` if STL made that necessary. The result, in JSON, is
+    /// cut), `intersecting_pairs` of triangles, `repair_rounds` after rounding to double precision, `self_intersections`, `solid` and
+    /// `trimmed` (0 or 1), `volume` in cubic units of the file that is written (0 of a trimmed surface), `area`; `largest_rounding` if
+    /// it holds 32-bit floats, `separated_vertices` if STL made that necessary. The result, in JSON, is
     /// an [`OperandReport`](library::OperandReport) of each input with its `name` and `path`; its `assumptions` are warnings, too.
     /// The details are a [`BooleanReport`].
     ///
@@ -238,6 +260,8 @@ impl Operation for Boolean {
             inside: params.inside,
             coordinates: coordinates_of(&target),
             separate: joins_places(&target),
+            close: params.close,
+            open: params.open,
             memory_bytes: params.memory.map(|size| size.as_u64()),
         };
         let result = report.time("boolean", || {
@@ -266,7 +290,9 @@ impl Operation for Boolean {
             ("repair_rounds", f64::from(done.repair_rounds)),
             ("self_intersections", done.self_intersections as f64),
             ("solid", yes(done.solid)),
+            ("trimmed", yes(done.trimmed)),
             ("volume", done.volume),
+            ("area", done.area),
         ]);
         if rounds(&target) {
             report.figures.insert("largest_rounding", done.rounded);
@@ -417,6 +443,9 @@ fn record(
         for assumption in &operand.assumptions {
             report.record_assumed(format!("{path}: {assumption}"));
         }
+        for doubt in &operand.doubts {
+            report.warn(format!("{path}: {doubt}"));
+        }
         if done.pruned.contains(&(i as u32)) {
             report.record_dropped(format!("{path} does not matter for the result"));
         }
@@ -427,13 +456,18 @@ fn record(
     }
     report.result = Some(serde_json::Value::Array(inputs));
     let is_empty = done.triangles == 0;
-    let sound = done.solid || is_empty;
-    report.passed = Some(sound);
+    let sound = done.solid || is_empty || done.trimmed;
+    report.passed = Some(done.passed());
     if !is_empty {
         report.verdict.solid = Some(done.solid);
-        if done.solid {
-            report.verdict.closed = Some(true);
-        }
+        report.verdict.closed = match (done.solid, done.trimmed) {
+            (true, _) => Some(true),
+            (_, true) => Some(false),
+            _ => None,
+        };
+    }
+    for doubt in &done.doubts {
+        report.warn(doubt.clone());
     }
     if done.self_intersections > 0 {
         report.findings.push(Finding {
@@ -443,7 +477,7 @@ fn record(
             places: Vec::new(),
         });
     }
-    if !sound {
+    if !sound || done.self_intersections > 0 {
         let cure = match coordinates {
             Coordinates::Double => "",
             Coordinates::Single => {

@@ -458,6 +458,14 @@ mod tests {
             ["positive", "nonzero", "outer-hull"]
         );
         assert_eq!(
+            spelled::<ravec::boolean::CloseRule>(),
+            ["auto", "lid", "band", "base"]
+        );
+        assert_eq!(
+            spelled::<ravec::boolean::OpenRule>(),
+            ["auto", "trim", "close"]
+        );
+        assert_eq!(
             spelled::<ravec::offset::Side>(),
             ["both", "outer", "inner", "shell"]
         );
