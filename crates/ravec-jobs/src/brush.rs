@@ -15,9 +15,10 @@ use crate::video::{ClipFiles, Encoding, check_no_encoding, is_clip, map_clip};
 use ravec::raster::{AnyImage, Image, LinearRgba, Rect, Size, Srgb, with_image};
 use ravec::twocolor::brush::{Painted, Stroke, Strokes, Tool, replay};
 use ravec::twocolor::{
-    CleanParams, Mode, NoiseLevel, OperatorParams, WindowParams, enlarge, estimate_noise,
+    BlockQuantization, CleanParams, Mode, NoiseLevel, OperatorParams, WindowParams, enlarge,
+    estimate_noise, estimate_noise_of_compressed,
 };
-use ravec_media::{Picture, WriteOptions};
+use ravec_media::{Picture, Quantization, WriteOptions};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -419,7 +420,10 @@ impl Operation for Brush {
                 let strokes = strokes::read(path, size, params, context)?;
                 self.paint(&strokes, &picture, &mut report, context)?
             }
-            (None, None) => everywhere(&picture.image, params, &mut report, context)?,
+            (None, None) => {
+                let quantization = picture.origin.quantization;
+                everywhere(&picture.image, quantization, params, &mut report, context)?
+            }
         };
         let options = WriteOptions {
             quality: params.quality,
@@ -458,7 +462,7 @@ impl Brush {
             context,
             size,
             |image, report, context| {
-                let result = everywhere(image, params, report, context)?;
+                let result = everywhere(image, None, params, report, context)?;
                 Ok(image.like(&result))
             },
         )?;
@@ -509,9 +513,10 @@ impl Brush {
     }
 }
 
-/// The operator over the whole picture.
+/// The operator over the whole picture, with the quantization of its file if that says one.
 fn everywhere(
     image: &AnyImage,
+    quantization: Option<Quantization>,
     params: &Params,
     report: &mut Report,
     context: &Context,
@@ -537,10 +542,16 @@ fn everywhere(
     };
     let is_plain = params.strength == 1.0 && params.iterations == 1;
     if operator.mode == Mode::Clean && operator.noise_sigma.is_none() {
-        let noise = report.time(
-            "estimate",
-            || with_image!(image, image => estimate_noise(image, progress)),
-        )?;
+        let quantization = quantization.map(|known| BlockQuantization {
+            steps: known.luma_steps,
+            grid: known.grid,
+        });
+        let noise = report.time("estimate", || {
+            with_image!(image, image => match &quantization {
+                Some(known) => estimate_noise_of_compressed(image, known, progress),
+                None => estimate_noise(image, progress),
+            })
+        })?;
         report
             .figures
             .insert("noise_sigma_steps", f64::from(noise.typical()));

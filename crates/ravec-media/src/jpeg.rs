@@ -5,6 +5,7 @@
 //!
 //! CMYK files store ink amounts inverted (255 = no ink), as Adobe's programs began to and all others follow.
 
+use crate::quantization::Quantization;
 use crate::samples::Channels;
 use zune_jpeg::JpegDecoder;
 use zune_jpeg::errors::DecodeErrors;
@@ -60,6 +61,15 @@ impl Jpeg {
             ColorSpace::CMYK | ColorSpace::YCCK => Channels::Cmyk,
             _ => Channels::Rgb,
         }
+    }
+
+    /// Quantization of the luma, if the file has one and is decoded at its size.
+    pub(crate) fn quantization(&self) -> Option<Quantization> {
+        let has_luma = matches!(self.stored, ColorSpace::Luma | ColorSpace::YCbCr);
+        let is_whole = self.reduced.is_none();
+        (has_luma && is_whole)
+            .then(|| Quantization::of_jpeg(&self.input))
+            .flatten()
     }
 
     /// Returns `true` if no marker ends the picture. The decoder then fills the missing part with gray.

@@ -47,6 +47,7 @@ mod opened;
 mod orient;
 mod picture;
 mod profile;
+mod quantization;
 mod raster;
 mod read;
 mod rows;
@@ -61,6 +62,7 @@ pub use format::Format;
 pub use lens::focal_px_from_35mm;
 pub use limits::Limits;
 pub use picture::{Origin, Picture, SampleKind, Warning, WarningKind};
+pub use quantization::Quantization;
 pub use read::{
     DecodeError, Probe, ReadError, decode, decode_reduced, memory_to_decode, probe, probe_data,
     read,

@@ -309,6 +309,12 @@ impl<'a> Opened<'a> {
         let mut samples = Samples::zeroed(self.sample, count)
             .map_err(|_| DecodeError::OutOfMemory { bytes: needed })?;
 
+        let quantization = match &self.decoder {
+            Decoder::Jpeg(jpeg) => jpeg
+                .quantization()
+                .map(|stored| stored.upright(self.orientation, size.width(), size.height())),
+            _ => None,
+        };
         match self.decoder {
             Decoder::General(decoder) => decoder
                 .read_image_boxed(samples.as_bytes_mut())
@@ -349,6 +355,7 @@ impl<'a> Opened<'a> {
                 gray: self.channels.is_gray(),
                 icc: self.icc.map(Into::into),
                 exif: self.exif.map(Into::into),
+                quantization,
             },
             warnings: self.warnings,
         })

@@ -1,6 +1,7 @@
 //! A picture together with what is needed to write a result like its source.
 
 use crate::format::Format;
+use crate::quantization::Quantization;
 use ravec_memory::Reservation;
 use ravec_raster::{AnyImage, Color, Image, LinearRgb, LinearRgba, Srgb, Srgba};
 use std::sync::Arc;
@@ -41,6 +42,8 @@ pub struct Origin {
     pub icc: Option<Arc<[u8]>>,
     /// The EXIF block, its orientation set to upright.
     pub exif: Option<Arc<[u8]>>,
+    /// Quantization of the luma of a JPEG file, whose pixels the image has. Results of work do not have it.
+    pub quantization: Option<Quantization>,
 }
 
 /// Something that was lost, guessed or changed without making the result useless.
@@ -168,6 +171,7 @@ impl Picture {
                 gray: false,
                 icc: None,
                 exif: None,
+                quantization: None,
             },
             warnings: Vec::new(),
             charge: Charge::default(),
@@ -204,7 +208,10 @@ impl Picture {
     pub fn with_pixels(&self, image: impl Into<AnyImage>) -> Self {
         Self {
             image: image.into(),
-            origin: self.origin.clone(),
+            origin: Origin {
+                quantization: None,
+                ..self.origin.clone()
+            },
             warnings: Vec::new(),
             charge: Charge::default(),
         }

@@ -75,8 +75,8 @@ pub mod volume;
 
 pub use adaptive::{AdaptiveField, AdaptiveParams, Leaf};
 pub use clean::{
-    CleanParams, CleanStrip, NoiseLevel, WindowShrinkage, clean, clean_by, clean_with,
-    estimate_noise,
+    BlockQuantization, CleanParams, CleanStrip, NoiseLevel, WindowShrinkage, clean, clean_by,
+    clean_with, estimate_noise, estimate_noise_of_compressed,
 };
 pub use coarse_to_fine::RefinedSplit;
 pub use dense::{CenteredWindow, WindowParams, map_windows};

@@ -268,6 +268,7 @@ impl FrameSource for PictureSource {
                 self.damage = Some(Damage {
                     frames: self.next as u64,
                     reason: error.to_string(),
+                    lost: None,
                 });
                 self.next = self.paths.len();
                 return Ok(None);

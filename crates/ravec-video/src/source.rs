@@ -4,13 +4,36 @@ use crate::error::VideoError;
 use crate::frame::Frame;
 use crate::info::ClipInfo;
 
-/// The end of a clip that came before it should: frames up to the damage were given.
+/// Damage of a clip: frames up to it were given, and those behind it that are whole, if there are any.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Damage {
     /// Number of good frames before the damage.
     pub frames: u64,
     /// Reason, in one sentence.
     pub reason: String,
+    /// Number of frames that are lost, if reading went on behind the damage; `None` if it ended the clip.
+    pub lost: Option<u64>,
+}
+
+impl std::fmt::Display for Damage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            frames,
+            reason,
+            lost,
+        } = self;
+        match lost {
+            None => write!(f, "damaged behind {frames} frames: {reason}"),
+            Some(0) => write!(
+                f,
+                "damaged behind {frames} frames: {reason}; all frames could be decoded"
+            ),
+            Some(lost) => write!(
+                f,
+                "damaged behind {frames} frames: {reason}; {lost} frames were lost, and the whole ones behind them are used"
+            ),
+        }
+    }
 }
 
 /// Frames of a clip in the order in which they are shown.
@@ -33,7 +56,7 @@ pub trait FrameSource: Send {
     /// As [`next_frame`](Self::next_frame).
     fn seek(&mut self, index: u64) -> Result<(), VideoError>;
 
-    /// The damage that was met so far. What comes after it is not read.
+    /// The damage that was met so far. Behind it come whole frames or none.
     fn damage(&self) -> Option<&Damage>;
 }
 

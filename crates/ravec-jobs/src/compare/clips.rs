@@ -78,8 +78,7 @@ pub(super) fn compare_clips(operation: &Compare, context: &Context) -> Result<Re
     }
     for (path, clip) in [(a, &clip_a), (b, &clip_b)] {
         if let Some(damage) = clip.damage() {
-            let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
-            report.warn(format!("{}: {text}", path.display()));
+            report.warn(format!("{}: {damage}", path.display()));
         }
     }
     if extra > 0 {

@@ -57,8 +57,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
         phase.advance(1);
     }
     if let Some(damage) = clip.damage() {
-        let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
-        report.warn(format!("{}: {text}", input.display()));
+        report.warn(format!("{}: {damage}", input.display()));
     }
     outputs.finish(&mut report)?;
     context.device.report_warnings(&mut report);

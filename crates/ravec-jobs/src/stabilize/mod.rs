@@ -1,25 +1,27 @@
 //! `stabilize`: a clip in which a plane, or the camera, stands still or moves smoothly.
 
+mod shots;
+
 use crate::context::Context;
 use crate::error::JobError;
 use crate::files::is_stream;
 use crate::operation::{Operation, paths};
 use crate::report::Report;
 use crate::track::file::TrackFile;
-use crate::track::follow::{Followers, Reader, Shot, unwatched};
+use crate::track::follow::Reader;
 use crate::track::rewrite::{Target, rewrite};
 use crate::track::summary::{in_words, lost_ranges};
 use crate::track::{Precision, read_track};
 use crate::video::{Encoding, FrameRange, check_clip_target, key_of, open_clip};
 use glam::{DVec2, dvec2};
 use ravec::planar::track::{
-    PlaneTracker, SmoothParams, SmoothPath, Track, TrackParams, TrackRegion, TrackState,
-    TrackedFrame, smooth_path,
+    PathFrame, SmoothParams, SmoothPath, Track, TrackState, TrackedFrame, smooth_path,
 };
 use ravec::planar::{Backdrop, Homography, warp_frame};
 use ravec::raster::{AnyImage, Size};
 use ravec_video::{Clip, FrameSource as _, Rational};
 use serde::{Deserialize, Serialize};
+use shots::{Found, Shots};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -34,7 +36,7 @@ pub struct Stabilize {
     #[cfg_attr(feature = "cli", arg(short, long, value_name = "CLIP"))]
     pub output: PathBuf,
     /// Track of a plane in this clip, as ravec track writes it to a .json file; its frames are written [default: the whole
-    /// picture is tracked, against the first frame]
+    /// picture is tracked, against the first frame of each shot]
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(default)]
     pub track: Option<PathBuf>,
@@ -55,10 +57,11 @@ With --mode plane each frame is laid on the reference frame: the plane of the tr
 the picture shows. With --mode smooth the motion stays, without what is faster than --strength; each frame is moved a little, and \
 the part that all frames cover is enlarged to the whole picture unless --uncropped is given.
 
-Where the plane is lost, the last known pose is kept, and a warning names the frames. Of a track with several planes the first one \
+Without a track, cuts are found, and each shot is stabilized for itself, against its own first frame; a warning names them. Where \
+the plane is lost, the last known pose is kept, and a warning names the frames. Of a track with several planes the first one \
 counts (--plane).
 
-Figures: frames, lost, weak; with --mode smooth crop_percent (cut off on each side), limited (frames that the limit of the crop \
+Figures: frames, lost, weak, and without a track cuts; with --mode smooth crop_percent (cut off on each side), limited (frames that the limit of the crop \
 keeps from their smooth place), jitter_before_px and jitter_after_px (changes of speed from frame to frame).";
 
 /// Parameters of [`Stabilize`].
@@ -150,7 +153,7 @@ impl Operation for Stabilize {
 
     /// Writes the stabilized clip. Without a track the whole picture is followed, in one pass where the plane is to stand still.
     ///
-    /// Figures: `frames`, `lost`, `weak`; with `mode` smooth `crop_percent`, `limited`, `jitter_before_px`, `jitter_after_px`.
+    /// Figures: `frames`, `lost`, `weak`, without a track `cuts`; with `mode` smooth `crop_percent`, `limited`, `jitter_before_px`, `jitter_after_px`.
     /// `timings` has `decode`, `track` and `warp`, which overlap.
     ///
     /// # Errors
@@ -170,12 +173,27 @@ impl Operation for Stabilize {
             None => None,
         };
         match (track, self.params.mode) {
-            (Some(track), _) => self.by_track(&track, clip, &mut report, context)?,
+            (Some(track), _) => {
+                let states = track.frames.iter().map(|frame| frame.state);
+                self.record(states, &lost_ranges(&track), &mut report)?;
+                let maps = match self.params.mode {
+                    Mode::Plane => held(&track.frames),
+                    Mode::Smooth => {
+                        let size = Size::new(track.width, track.height);
+                        let size = size.map_err(|_| self.empty())?;
+                        let rate = clip.info().rate;
+                        self.smooth(&track.path_frames(), size, rate, &mut report)?
+                    }
+                };
+                self.by_maps(track.first, &maps, clip, &mut report, context)?;
+            }
             (None, Mode::Plane) => self.in_one_pass(clip, &mut report, context)?,
             (None, Mode::Smooth) => {
-                let track = self.follow(clip, &mut report, context)?;
+                let (size, rate) = (clip.info().size, clip.info().rate);
+                let shots = self.follow(clip, &mut report, context)?;
+                let maps = self.smooth(&shots.path_frames(), size, rate, &mut report)?;
                 let clip = self.reopened(context)?;
-                self.by_track(&track, clip, &mut report, context)?;
+                self.by_maps(0, &maps, clip, &mut report, context)?;
             }
         }
         Ok(report)
@@ -273,47 +291,55 @@ impl Stabilize {
         )
     }
 
-    /// A tracker of the whole picture.
-    fn tracker(&self, first: &Shot) -> Result<Followers<'static>, JobError> {
-        let size = first.image.size();
-        let start = Instant::now();
-        let params = TrackParams {
-            precision: self.params.precision,
-        };
-        let region = TrackRegion::Frame;
-        let tracker = PlaneTracker::new(&first.image, whole(size), &region, None, &params);
-        let tracker = tracker.map_err(|cause| JobError::Track {
-            path: self.input.clone(),
-            cause,
-        })?;
-        Ok(Followers {
-            trackers: vec![tracker],
-            cuts: Vec::new(),
-            spent: start.elapsed(),
-            watch: &unwatched,
-        })
-    }
-
-    /// The track of the whole picture.
+    /// The motion of the whole picture, shot by shot.
     fn follow(
         &self,
         clip: Clip,
         report: &mut Report,
         context: &Context,
-    ) -> Result<Track, JobError> {
-        let size = clip.info().size;
+    ) -> Result<Found, JobError> {
         let total = clip.info().frames.unwrap_or(1);
         let mut reader = Reader::new(clip, &self.input, FrameRange::default())?;
-        let first = reader.next()?.ok_or_else(|| self.empty())?;
-        let mut followers = self.tracker(&first)?;
+        let mut shots = Shots::new(&self.input, self.params.precision, true);
         let phase = context.progress.phase("track", total);
-        let found = followers.follow(&mut reader, first.index, &phase, context)?;
-        let mut tracks = followers.tracks(found, first.index, size);
-        followers.record_times(&reader, report);
-        let track = tracks.pop().ok_or_else(|| self.empty())?;
-        let lost = lost_ranges(&track);
-        self.record(track.frames.iter().map(|frame| frame.state), &lost, report)?;
-        Ok(track)
+        let mut current = reader.next()?;
+        while let Some(shot) = current {
+            context.progress.check()?;
+            let (next, pose) = rayon::join(|| reader.next(), || shots.push(&shot.image));
+            pose?;
+            phase.advance(1);
+            current = next?;
+        }
+        self.record_shots(shots, &reader, report)
+    }
+
+    /// Records what following the shots has found.
+    fn record_shots(
+        &self,
+        shots: Shots<'_>,
+        reader: &Reader<'_>,
+        report: &mut Report,
+    ) -> Result<Found, JobError> {
+        for (phase, duration_secs) in [
+            ("decode", reader.spent_secs()),
+            ("track", shots.spent.as_secs_f64()),
+        ] {
+            report.timings.push(crate::Timing {
+                phase,
+                duration_secs,
+            });
+        }
+        let found = shots.end();
+        if found.poses.is_empty() {
+            return Err(self.empty());
+        }
+        let states = found.poses.iter().map(|pose| pose.state);
+        self.record(states, &found.lost(), report)?;
+        report.figures.insert("cuts", found.cuts() as f64);
+        for remark in found.remarks() {
+            report.warn(remark);
+        }
+        Ok(found)
     }
 
     fn empty(&self) -> JobError {
@@ -334,24 +360,11 @@ impl Stabilize {
         let mut reader = Reader::new(clip, &self.input, FrameRange::default())?;
         let border = self.params.border;
         let mut warper = Warper::default();
-        let mut followers: Option<Followers> = None;
-        let mut states = Vec::new();
-        let mut before = 0;
+        let mut shots = Shots::new(&self.input, self.params.precision, false);
         let key = key_of(self);
         let target = self.target(&key, total);
         let rewritten = rewrite(&target, &mut reader, report, context, |shot, done| {
-            let pose = match &mut followers {
-                None => {
-                    let made = followers.insert(self.tracker(shot)?);
-                    made.trackers[0].reference_frame()
-                }
-                Some(followers) => {
-                    let found = followers.push(shot, before);
-                    found.into_iter().next().ok_or_else(|| self.empty())?
-                }
-            };
-            before = shot.index;
-            states.push(pose.state);
+            let pose = shots.push(&shot.image)?;
             // the next frame may need this one below it
             if done && border != Border::Last {
                 return Ok(None);
@@ -360,21 +373,8 @@ impl Stabilize {
             let warped = warper.warp(&shot.image, map, border, context)?;
             Ok((!done).then_some(warped))
         })?;
-        let mut lost: Vec<[u64; 2]> = Vec::new();
-        for (index, _) in (0..)
-            .zip(&states)
-            .filter(|(_, state)| **state == TrackState::Lost)
-        {
-            match lost.last_mut() {
-                Some([_, last]) if *last + 1 == index => *last = index,
-                _ => lost.push([index, index]),
-            }
-        }
-        if let Some(followers) = &followers {
-            followers.record_times(&reader, report);
-        }
+        self.record_shots(shots, &reader, report)?;
         warper.record(report);
-        self.record(states.into_iter(), &lost, report)?;
         reader.warn(report);
         rewritten.finish(report)
     }
@@ -391,25 +391,18 @@ impl Stabilize {
         }
     }
 
-    /// Writes the frames of a track.
-    fn by_track(
+    /// Writes the frames from `first` on, each seen through its map.
+    fn by_maps(
         &self,
-        track: &Track,
+        first: u64,
+        maps: &[Homography],
         clip: Clip,
         report: &mut Report,
         context: &Context,
     ) -> Result<(), JobError> {
         let params = &self.params;
-        let maps = match params.mode {
-            Mode::Plane => held(&track.frames),
-            Mode::Smooth => self.smooth(track, clip.info().rate, report)?,
-        };
-        let frames = track.first..track.first + track.frames.len() as u64;
+        let frames = first..first + maps.len() as u64;
         let count = frames.end - frames.start;
-        if self.track.is_some() {
-            let states = track.frames.iter().map(|frame| frame.state);
-            self.record(states, &lost_ranges(track), report)?;
-        }
         let mut reader = Reader::new(clip, &self.input, FrameRange::between(&frames))?;
         let mut warper = Warper::default();
         let key = key_of(self);
@@ -439,7 +432,8 @@ impl Stabilize {
     /// The maps to each frame from an output in which the plane moves smoothly.
     fn smooth(
         &self,
-        track: &Track,
+        frames: &[PathFrame],
+        size: Size,
         rate: Option<Rational>,
         report: &mut Report,
     ) -> Result<Vec<Homography>, JobError> {
@@ -449,14 +443,13 @@ impl Stabilize {
             max_crop: params.max_crop,
         };
         let rate = rate.map_or(DEFAULT_RATE, Rational::to_f64);
-        let size = Size::new(track.width, track.height).map_err(|_| self.empty())?;
         // both were checked; rates of clips may be anything
         let wrong = |cause: ravec::planar::track::SmoothError| JobError::Parameter {
             field: "strength",
             value: cause.to_string(),
             range: "possible with the rate of the clip",
         };
-        let path = smooth_path(&track.path_frames(), size, rate, &options).map_err(wrong)?;
+        let path = smooth_path(frames, size, rate, &options).map_err(wrong)?;
         let SmoothPath {
             crop,
             limited,
@@ -472,7 +465,7 @@ impl Stabilize {
         ] {
             report.figures.insert(name, figure);
         }
-        let maps = (0..track.frames.len()).map(|at| {
+        let maps = (0..frames.len()).map(|at| {
             let output_from_frame = if params.uncropped {
                 path.output_from_frame[at]
             } else {

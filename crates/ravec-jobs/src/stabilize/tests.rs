@@ -157,7 +157,7 @@ fn lost_frames_keep_the_last_pose_and_are_named() {
         .unwrap();
     assert_eq!(
         report.warnings,
-        ["the last known pose is kept where the plane is lost: frames 5"]
+        ["what belongs to no shot is left as it is: frames 5"]
     );
     assert_eq!(report.outputs[0].frames, Some(FRAMES as u64));
     let hopeless = Wall::with(|index, image| if index > 0 { noise(index) } else { image });
@@ -185,4 +185,46 @@ fn parameters_out_of_range_are_refused() {
     refused(&|o| o.params.plane = 0, "`plane`");
     refused(&|o| o.output = wall.at("s.doc"), "s.doc");
     refused(&|o| o.output = wall.at("f_%04d.png"), "it is an input");
+}
+
+#[test]
+fn each_shot_stands_still_against_its_own_first_frame() {
+    let cut = FRAMES / 2;
+    // the second shot sees the same motion of other things
+    let wall = Wall::with(|index, image| {
+        if index < cut {
+            return image;
+        }
+        let (width, height) = (image.width(), image.height());
+        Image::from_fn(image.size(), |col, row| {
+            let Srgb([r, g, b]) = image[(width - 1 - col, height - 1 - row)];
+            Srgb([b, 255 - r, g])
+        })
+    });
+    for mode in [Mode::Plane, Mode::Smooth] {
+        let mut operation = operation(&wall, "s_%04d.png");
+        operation.params.mode = mode;
+        let report = operation.run(&Context::default()).unwrap();
+        assert_eq!(report.figures["cuts"], 1.0);
+        assert_eq!(report.figures["lost"], 0.0);
+        assert!(
+            report.warnings[0].ends_with(&format!("at frame 0 and at {cut}")),
+            "{:?}",
+            report.warnings
+        );
+    }
+    let mut operation = operation(&wall, "s_%04d.png");
+    operation.params.mode = Mode::Plane;
+    operation.run(&Context::default()).unwrap();
+    for (first, range) in [(0, 1..cut), (cut, cut + 1..FRAMES)] {
+        let reference = frame(&wall, &format!("f_{first:04}.png"));
+        for index in range {
+            let moved = difference(&reference, &frame(&wall, &format!("f_{index:04}.png")));
+            let still = difference(&reference, &frame(&wall, &format!("s_{index:04}.png")));
+            assert!(
+                still < 5.0 && still < 0.8 * moved,
+                "frame {index}: {moved} {still}"
+            );
+        }
+    }
 }

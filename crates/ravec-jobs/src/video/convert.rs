@@ -169,8 +169,7 @@ impl Operation for Convert {
             written.write(resized(picture, time, size, &written), &report)?;
         }
         if let Some(damage) = clip.damage() {
-            let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
-            report.warn(format!("{}: {text}", input.display()));
+            report.warn(format!("{}: {damage}", input.display()));
         }
         let (frames, seconds) = (written.frames(), written.duration_secs());
         written.finish(&mut report)?;

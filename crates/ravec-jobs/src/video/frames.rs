@@ -150,8 +150,7 @@ impl Operation for Frames {
             first.map_or(0, |frame| frame.time.start)
         };
         if let Some(damage) = clip.damage() {
-            let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
-            report.warn(format!("{}: {text}", input.display()));
+            report.warn(format!("{}: {damage}", input.display()));
         }
         if list.is_empty() {
             return Err(JobError::EmptyRange {

@@ -83,12 +83,7 @@ impl Operation for Info {
                 "damage": clip.damage(),
             });
             if let Some(damage) = clip.damage() {
-                let place = damage.frames;
-                report.warn(format!(
-                    "{}: damaged behind {place} frames: {}",
-                    input.display(),
-                    damage.reason
-                ));
+                report.warn(format!("{}: {damage}", input.display()));
             }
         }
         report.result = Some(result);

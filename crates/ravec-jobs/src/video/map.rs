@@ -137,8 +137,7 @@ pub(crate) fn map_clip<O: Operation>(
         written.write(frame, report)?;
     }
     if let Some(damage) = clip.damage() {
-        let text = format!("damaged behind {} frames: {}", damage.frames, damage.reason);
-        report.warn(format!("{}: {text}", input.display()));
+        report.warn(format!("{}: {damage}", input.display()));
     }
     for (name, (sum, count)) in sums {
         report.figures.insert(name, sum / count as f64);

@@ -76,6 +76,15 @@ const SIGMA_PER_STEP: f32 = 0.6;
 /// to 0.2 is best in both PSNR and SSIM.
 const FREEDOM: f32 = 0.15;
 
+/// Quantization of the luma of a picture by block compression, as the file of the picture says it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BlockQuantization {
+    /// Steps of the cosine coefficients in 8-bit units, `[vertical][horizontal]` frequency.
+    pub steps: [[u16; SIDE]; SIDE],
+    /// First column and row at which a block begins.
+    pub grid: [usize; 2],
+}
+
 /// Estimated compression of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Compression {
@@ -101,6 +110,18 @@ fn lumas<S: Simd>(_simd: S, pixels: &[LinearRgba], out: &mut [f32]) {
 }
 
 impl Compression {
+    /// The compression that a file says, if it is coarse enough to be worth cleaning.
+    pub(super) fn known(quantization: &BlockQuantization) -> Option<Self> {
+        let steps = quantization.steps;
+        let coarse = PROBED
+            .iter()
+            .filter(|&&[v, u]| usize::from(steps[v][u]) >= *STEPS.start());
+        (coarse.count() >= MIN_STEPS_FOUND).then(|| Self {
+            phase: quantization.grid.map(|first| first % SIDE),
+            steps: steps.map(|row| row.map(|step| f32::from(step.max(1)))),
+        })
+    }
+
     /// Looks for the traces of compression in the middle of the picture.
     pub(super) fn find(image: &dyn LinearRows) -> Option<Self> {
         let size = image.size();

@@ -8,11 +8,16 @@
 //! frequencies). We differ in doing it per class of brightness, so that sensor noise, which grows with the signal, is
 //! known at each brightness.
 //!
+//! Structure fills all frequencies alike only by chance. Where the flattest blocks of a class do not look like white noise
+//! and say far more than those that do, as in text over a gradient, the latter count. Pictures that were drawn (see
+//! [`drawn`](super::drawn)) have no noise at all.
+//!
 //! Non-guarantee: a picture that is fine texture everywhere reads as noisier than it is, and noise that was blurred or
 //! compressed away as less.
 
-use super::compression::Compression;
+use super::compression::{BlockQuantization, Compression};
 use super::dct::{SIDE, block_of, forward};
+use super::drawn::is_drawn;
 use super::strip::{CHANNELS, encoded, opponent_from_rgb};
 use crate::pixel::is_countable;
 use fearless_simd::{Level, Simd, dispatch};
@@ -26,8 +31,25 @@ pub(super) const CLASSES: usize = 12;
 /// The most blocks examined. More add nothing to the accuracy, which the picture's texture limits.
 const MAX_BLOCKS: usize = 24_000;
 
+/// Coefficients of a block that count as low frequencies.
+const LOW_FREQUENCIES: f32 = 27.0;
+
 /// The share of a class's blocks that count as flat. Less is noisier, more lets texture in.
 const FLAT_SHARE: f64 = 0.1;
+
+/// The energy of flat blocks at low frequencies over that at high ones, per coefficient, up to which they look like white
+/// noise. In noisy photos it is 0.6 to 1.5.
+const MAX_WHITE_RATIO: f32 = 2.0;
+
+/// Noise in units where white is 1 that is too weak to be mistaken for structure: a third of an 8-bit step.
+const FAINT: f32 = 0.33 / 255.0;
+
+/// A class without white blocks is taken for structure if it is this many times as strong as all that have them, and
+/// stronger than [`LEAST_STRUCTURE`].
+const STRUCTURE_EXCESS: f32 = 6.0;
+
+/// One and a half 8-bit steps, as luma.
+const LEAST_STRUCTURE: f32 = 1.5 / 255.0;
 
 /// The brightness range of the luma channel, `(R + G + B)/√3`.
 pub(super) const LUMA_RANGE: f32 = 1.732_050_8;
@@ -50,11 +72,21 @@ impl NoiseLevel {
         }
     }
 
-    /// The noise at mid brightness, in steps of 8-bit encoded values: what [`uniform`](Self::uniform) would be given.
+    /// The typical noise of a sample, in steps of 8-bit encoded values: the median over the brightnesses of the root mean
+    /// square over red, green and blue. The opponent transform keeps that mean, so it is also right where the channels have
+    /// the same noise, as in a gray picture.
     pub fn typical(&self) -> f32 {
-        let mut all: Vec<f32> = self.sigma.iter().flatten().copied().collect();
+        let mut all: [f32; CLASSES] = std::array::from_fn(|class| {
+            let squares = self.sigma.map(|channel| channel[class] * channel[class]);
+            (squares.iter().sum::<f32>() / CHANNELS as f32).sqrt()
+        });
         all.sort_by(f32::total_cmp);
-        255.0 * all[all.len() / 2]
+        255.0 * all[CLASSES / 2]
+    }
+
+    /// Returns `true` if there is neither noise nor compression: cleaning leaves such a picture as it is.
+    pub fn is_none(&self) -> bool {
+        self.compression.is_none() && self.sigma.iter().flatten().all(|&sigma| sigma == 0.0)
     }
 
     /// Returns `true` if the picture shows the traces of block compression.
@@ -115,13 +147,31 @@ pub fn estimate_noise<P: Color>(
     image: &Image<P>,
     progress: &Progress,
 ) -> Result<NoiseLevel, Cancelled> {
-    estimate_rows(image, progress)
+    estimate_rows(image, None, progress)
 }
 
-fn estimate_rows(image: &dyn LinearRows, progress: &Progress) -> Result<NoiseLevel, Cancelled> {
+/// [`estimate_noise`] of a picture whose file says how it was compressed. The pixels are asked only where that is too fine
+/// to matter, as they may have been compressed before.
+///
+/// # Errors
+/// As [`estimate_noise`].
+pub fn estimate_noise_of_compressed<P: Color>(
+    image: &Image<P>,
+    quantization: &BlockQuantization,
+    progress: &Progress,
+) -> Result<NoiseLevel, Cancelled> {
+    estimate_rows(image, Compression::known(quantization), progress)
+}
+
+/// Steps of the estimation, with the compression of the picture if it is known.
+fn estimate_rows(
+    image: &dyn LinearRows,
+    known: Option<Compression>,
+    progress: &Progress,
+) -> Result<NoiseLevel, Cancelled> {
     let size = image.size();
     let (columns, rows) = (size.width() / SIDE, size.height() / SIDE);
-    if columns < 2 || rows < 2 {
+    if columns < 2 || rows < 2 || (known.is_none() && is_drawn(image, progress)?) {
         return Ok(NoiseLevel::uniform(0.0));
     }
     // every row of blocks is read, but only every few columns, with a shift from row to row
@@ -142,7 +192,7 @@ fn estimate_rows(image: &dyn LinearRows, progress: &Progress) -> Result<NoiseLev
         .collect::<Result<_, Cancelled>>()?;
     let level = level_of(probes.into_iter().flatten().collect());
     progress.check()?;
-    Ok(match Compression::find(image) {
+    Ok(match known.or_else(|| Compression::find(image)) {
         Some(compression) => level.with_compression(compression),
         None => level,
     })
@@ -213,12 +263,19 @@ fn level_of(mut probes: Vec<Probe>) -> NoiseLevel {
     }
     probes.sort_by(|a, b| a.luma.total_cmp(&b.luma));
     let per_class = probes.len().div_ceil(CLASSES);
+    let classes: Vec<&[Probe]> = probes.chunks(per_class).collect();
+    let luma: Vec<Flat> = classes.iter().map(|class| Flat::of(class, 0)).collect();
+    let is_structure = structure(&luma);
     let mut sigma = [[0.0; CLASSES]; CHANNELS];
     for (c, sigma) in sigma.iter_mut().enumerate() {
-        let mut points: Vec<(f32, f32)> = probes
-            .chunks(per_class)
-            .map(|class| flat_noise(class, c))
+        let mut points: Vec<(f32, f32)> = classes
+            .iter()
+            .map(|class| Flat::of(class, c))
+            .map(|flat| (flat.luma, flat.noise))
             .collect();
+        if is_structure.contains(&true) {
+            bound_structure(&mut points, &is_structure);
+        }
         // texture only adds: a class far above its neighbors on both sides is texture, not noise
         let raw: Vec<f32> = points.iter().map(|point| point.1).collect();
         for (i, point) in points.iter_mut().enumerate() {
@@ -234,24 +291,67 @@ fn level_of(mut probes: Vec<Probe>) -> NoiseLevel {
     }
 }
 
-/// The mean brightness of a class, and the noise of its flattest blocks in one channel.
-fn flat_noise(class: &[Probe], channel: usize) -> (f32, f32) {
-    let luma = class.iter().map(|probe| probe.luma).sum::<f32>() / class.len() as f32;
-    let mut order: Vec<&Probe> = class.iter().collect();
-    order.sort_by(|a, b| a.low[channel].total_cmp(&b.low[channel]));
-    let flat = ((class.len() as f64 * FLAT_SHARE).ceil() as usize)
-        .max(8)
-        .min(class.len());
-    let mut high: Vec<f32> = order[..flat]
+/// The flattest blocks of a class in one channel.
+#[derive(Clone, Copy)]
+struct Flat {
+    /// Mean brightness of the whole class.
+    luma: f32,
+    noise: f32,
+    /// Energy at low frequencies over that at high ones, per coefficient.
+    ratio: f32,
+}
+
+impl Flat {
+    fn of(class: &[Probe], channel: usize) -> Self {
+        let luma = class.iter().map(|probe| probe.luma).sum::<f32>() / class.len() as f32;
+        let mut order: Vec<&Probe> = class.iter().collect();
+        order.sort_by(|a, b| a.low[channel].total_cmp(&b.low[channel]));
+        let flat = ((class.len() as f64 * FLAT_SHARE).ceil() as usize)
+            .max(8)
+            .min(class.len());
+        let low = order[flat / 2].low[channel] / LOW_FREQUENCIES;
+        let mut high: Vec<f32> = order[..flat]
+            .iter()
+            .map(|probe| probe.high[channel])
+            .collect();
+        high.sort_by(f32::total_cmp);
+        // the median and the first decile of χ² with 36 degrees of freedom are 0.9815 and 0.7123 of its mean; texture
+        // among the blocks raises the median more
+        let median = (high[flat / 2] / 0.9815).sqrt();
+        let decile = (high[flat / 10] / 0.7123).sqrt();
+        Self {
+            luma,
+            noise: median.min(decile),
+            ratio: low / high[flat / 2].max(f32::MIN_POSITIVE),
+        }
+    }
+
+    /// Returns `true` if the blocks say how strong the noise is: they look like noise, or there is hardly any.
+    fn is_white(&self) -> bool {
+        self.noise <= FAINT || self.ratio <= MAX_WHITE_RATIO
+    }
+}
+
+/// For each class, by its luma: `true` if its flattest blocks are structure.
+fn structure(classes: &[Flat]) -> Vec<bool> {
+    let white = classes.iter().filter(|class| class.is_white());
+    let Some(strongest) = white.map(|class| class.noise).reduce(f32::max) else {
+        return vec![false; classes.len()];
+    };
+    let bound = (STRUCTURE_EXCESS * strongest).max(LEAST_STRUCTURE);
+    classes
         .iter()
-        .map(|probe| probe.high[channel])
-        .collect();
-    high.sort_by(f32::total_cmp);
-    // the median and the first decile of χ² with 36 degrees of freedom are 0.9815 and 0.7123 of its mean; texture among
-    // the blocks raises the median more
-    let median = (high[flat / 2] / 0.9815).sqrt();
-    let decile = (high[flat / 10] / 0.7123).sqrt();
-    (luma, median.min(decile))
+        .map(|class| !class.is_white() && class.noise > bound)
+        .collect()
+}
+
+/// Bounds the noise of classes that are structure by the strongest of the others.
+fn bound_structure(points: &mut [(f32, f32)], is_structure: &[bool]) {
+    let others = points.iter().zip(is_structure).filter(|(_, is)| !**is);
+    let strongest = others.map(|(point, _)| point.1).fold(0.0, f32::max);
+    for (point, _) in points.iter_mut().zip(is_structure).filter(|(_, is)| **is) {
+        point.1 = point.1.min(strongest);
+    }
 }
 
 /// Linear interpolation between points of rising brightness, constant beyond them.

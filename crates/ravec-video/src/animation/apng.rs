@@ -178,6 +178,7 @@ impl ApngSource {
         self.damage = Some(Damage {
             frames: self.next,
             reason,
+            lost: None,
         });
         Ok(None)
     }

@@ -138,6 +138,7 @@ impl FrameSource for GifSource {
                 self.damage = Some(Damage {
                     frames: self.next,
                     reason,
+                    lost: None,
                 });
                 return Ok(None);
             }

@@ -12,6 +12,8 @@ use ravec_raster::Size;
 const MAX_DESCRIPTION: u64 = 1 << 20;
 /// Threads of encoders. The number is fixed because it changes what some of them write.
 const THREADS: &str = "8";
+/// Least width of frames of more than 8 bit that the vector code of x265 encodes: it fails with 36 and 48 columns.
+const MIN_X265_WIDTH: usize = 64;
 /// Quality for which none is chosen.
 const DEFAULT_QUALITY: u8 = 75;
 
@@ -190,7 +192,7 @@ pub(super) fn choose(
         return Ok(Choice {
             encoder: encoder.name,
             codec: encoder.codec,
-            arguments: encoder.arguments(&layout, options),
+            arguments: encoder.arguments(&layout, size, options),
             layout,
         });
     }
@@ -308,7 +310,7 @@ fn holds(pixels: PixelKind, layout: &Layout) -> bool {
 }
 
 impl Encoder {
-    fn arguments(&self, layout: &Layout, options: &EncodeOptions) -> Vec<String> {
+    fn arguments(&self, layout: &Layout, size: Size, options: &EncodeOptions) -> Vec<String> {
         let quality = f64::from(options.quality.unwrap_or(DEFAULT_QUALITY).min(100)) / 100.0;
         let crf = |low: f64, high: f64| format!("{}", (low + (high - low) * quality).round());
         let mut arguments: Vec<String> = ["-threads", THREADS].map(str::to_owned).to_vec();
@@ -345,6 +347,15 @@ impl Encoder {
             };
             add(&["-profile:v", profile]);
         }
+        // x265 writes beyond its buffers in its vector code where such frames are narrow
+        let breaks = self.codec == "hevc" && layout.depth > 8 && size.width() < MIN_X265_WIDTH;
+        if breaks
+            && let Some(at) = arguments.iter().position(|text| text == "-x265-params")
+            && let Some(params) = arguments.get_mut(at + 1)
+        {
+            params.push_str(":asm=0");
+        }
+        let mut add = |more: &[&str]| arguments.extend(more.iter().map(|text| (*text).to_owned()));
         if self.codec.starts_with("vp") && layout.alpha() {
             // frames that are not shown have no place for alpha
             add(&["-auto-alt-ref", "0"]);
@@ -422,7 +433,7 @@ mod tests {
                     quality: Some(quality),
                     ..EncodeOptions::default()
                 };
-                let arguments = encoder.arguments(&layout, &options);
+                let arguments = encoder.arguments(&layout, Size::new(320, 240).unwrap(), &options);
                 let at = arguments
                     .iter()
                     .position(|name| name == "-crf" || name == "-q:v")

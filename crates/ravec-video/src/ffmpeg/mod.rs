@@ -26,7 +26,8 @@
 //!   odd depths of red, green and blue become 8 or 16 bits, and 4:1:0 becomes 4:2:0.
 //! - Time stamps are exact, and a variable rate is kept, as far as the container of the output has ticks for it (Matroska and
 //!   `WebM` have milliseconds). Frames are turned for display, once, here.
-//! - A damaged clip gives whole frames only, and the reason in FFmpeg's words. `seek` gives the frame that reading from the
+//! - A damaged clip gives whole frames only, also behind the damage, and the reason in FFmpeg's words. Frames that may refer
+//!   to damaged ones are left out and counted. `seek` gives the frame that reading from the
 //!   start gives: it starts at a key frame if the packets of the file say for sure which frames there are, checks the time
 //!   stamp of what comes, and decodes from the beginning otherwise.
 //! - Memory is bounded: some frames, what FFmpeg itself takes, and 16 bytes a frame once `seek` has listed them.
@@ -35,8 +36,8 @@
 //! - The same frames and options make the same bytes, with the same version of FFmpeg on the same kind of processor.
 //!
 //! Does not guarantee:
-//! - The last few frames before damage: FFmpeg may drop what is in its queues, more or less of it after a `seek`. A clip that begins with damage is decoded from
-//!   its first whole frame, and damage later on in it may be painted over.
+//! - A few whole frames around damage, which are left out with the damaged ones. A clip without a key frame behind damage at
+//!   its beginning is decoded from its first frame, and damage later on in it may be painted over.
 //! - `seek` behind damage in a clip that has not been read up to there.
 //! - Uneven times in AVI, which has one rate; equal frames in Theora, which leaves them out.
 //! - The duration of the last frame of an output, for which encoders take that of the frame before.
@@ -48,6 +49,7 @@ mod layout;
 mod nut;
 mod probe;
 mod process;
+mod salvage;
 mod sink;
 mod source;
 mod stamps;

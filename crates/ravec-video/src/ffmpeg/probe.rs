@@ -53,10 +53,14 @@ struct Stream {
     start_pts: Option<i64>,
     duration_ts: Option<i64>,
     nb_frames: Option<String>,
+    has_b_frames: Option<u64>,
     disposition: Disposition,
     tags: Tags,
     side_data_list: Vec<SideData>,
 }
+
+/// The most frames that any codec holds back.
+const MAX_REORDERED: u64 = 16;
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
@@ -97,6 +101,10 @@ pub(super) struct Probe {
     pub(super) decoder: Option<&'static str>,
     /// True if each packet of the file should be a frame.
     pub(super) frame_a_packet: bool,
+    /// The most frames that the decoder holds back because they are shown later.
+    pub(super) reordered: u64,
+    /// True if the decoder notices frames that are missing.
+    pub(super) notices_gaps: bool,
 }
 
 impl Probe {
@@ -196,6 +204,11 @@ impl Probe {
                 other_tracks: others.map(other_track).collect(),
             },
             frame_a_packet: is_frame_a_packet(stream),
+            reordered: stream
+                .has_b_frames
+                .unwrap_or(MAX_REORDERED)
+                .min(MAX_REORDERED),
+            notices_gaps: matches!(stream.codec_name.as_deref(), Some("h264" | "hevc")),
             track: stream.index,
             layout,
             stored_size,

@@ -63,22 +63,30 @@ impl Programs {
 
     /// The arguments that keep the time stamps of frames as they are, in the words of this version.
     pub(super) fn passthrough(&self) -> Result<[&'static str; 2], VideoError> {
+        Ok(if self.version()? < (5, 1) {
+            ["-vsync", "passthrough"]
+        } else {
+            ["-fps_mode", "passthrough"]
+        })
+    }
+
+    /// True if this version decodes and filters in threads of their own.
+    pub(super) fn is_pipelined(&self) -> Result<bool, VideoError> {
+        Ok(self.version()? >= (7, 0))
+    }
+
+    /// The numbers of the release. Builds between releases have names such as N-109000-g1a2b3c, and count as newer than all.
+    fn version(&self) -> Result<(u32, u32), VideoError> {
         let banner = capture(self.ffmpeg().arg("-version"), 1 << 16)?;
         let text = String::from_utf8_lossy(&banner.stdout);
         let version = text.split_whitespace().nth(2).unwrap_or_default();
         let mut numbers = version
             .split(|c: char| !c.is_ascii_digit())
             .map(str::parse::<u32>);
-        // builds between releases have names such as N-109000-g1a2b3c, and are newer than 5.1
-        let old = match (numbers.next(), numbers.next()) {
-            (Some(Ok(major)), Some(Ok(minor))) => (major, minor) < (5, 1),
-            (Some(Ok(major)), _) => major < 5,
-            _ => false,
-        };
-        Ok(if old {
-            ["-vsync", "passthrough"]
-        } else {
-            ["-fps_mode", "passthrough"]
+        Ok(match (numbers.next(), numbers.next()) {
+            (Some(Ok(major)), Some(Ok(minor))) => (major, minor),
+            (Some(Ok(major)), _) => (major, 0),
+            _ => (u32::MAX, 0),
         })
     }
 
@@ -258,7 +266,10 @@ impl Ended {
 impl Process {
     /// Starts a child. Standard input and output are closed unless the command sets them up.
     pub(super) fn start(command: &mut Command) -> Result<Self, VideoError> {
-        command.stderr(Stdio::piped());
+        Self::spawn(command.stderr(Stdio::piped()))
+    }
+
+    fn spawn(command: &mut Command) -> Result<Self, VideoError> {
         // Ctrl-C in a terminal goes to the group of processes: the caller decides what it means for the child
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
@@ -284,6 +295,16 @@ impl Process {
             log,
             drained,
         })
+    }
+
+    /// Starts a child whose standard error is read by the caller, who must read it to its end.
+    pub(super) fn start_with_log(command: &mut Command) -> Result<(Self, impl Read), VideoError> {
+        let (reader, writer) = std::io::pipe()?;
+        command.stderr(writer);
+        let process = Self::spawn(command)?;
+        // the command holds the other end of the pipe
+        command.stderr(Stdio::null());
+        Ok((process, reader))
     }
 
     /// Its standard input, once.

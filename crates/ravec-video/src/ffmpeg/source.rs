@@ -3,6 +3,7 @@
 use super::nut::{NutError, NutReader};
 use super::probe::Probe;
 use super::process::{Ended, Process, Programs, input_arguments};
+use super::salvage::{Salvage, tolerant};
 use super::stamps::Stamps;
 use crate::error::VideoError;
 use crate::frame::{Frame, FramePicture};
@@ -47,6 +48,10 @@ pub struct FfmpegSource {
     listed: bool,
     /// True if decoding goes on behind damage, because it begins with it.
     lenient: bool,
+    /// The frames that are given, once damage was met and whole frames are known to follow.
+    salvage: Option<Salvage>,
+    /// Number of the next decoded frame of a run, with those that are left out.
+    decoded: u64,
     damage: Option<Damage>,
     _memory: Reservation,
 }
@@ -104,6 +109,8 @@ impl FfmpegSource {
             stamps: None,
             listed: false,
             lenient: false,
+            salvage: None,
+            decoded: 0,
             damage: None,
             _memory: memory,
         };
@@ -111,19 +118,15 @@ impl FfmpegSource {
         Ok(source)
     }
 
-    /// Decodes the first frame. A clip whose beginning is damaged is decoded again without the promise to stop at damage.
+    /// Decodes the first frame. Of a clip whose beginning is damaged, the whole frames behind it are given; if there are
+    /// none for sure, it is decoded again without the promise to stop at damage.
     fn start_at_the_beginning(&mut self) -> Result<(), VideoError> {
         self.launch(Start::Index(0))?;
         self.ahead = match self.decode() {
             Ok(Some(frame)) => Some(frame),
-            Ok(None) | Err(VideoError::Damaged { .. }) if !self.lenient => {
-                self.lenient = true;
-                self.damage = None;
-                self.length = None;
-                self.launch(Start::Index(0))?;
-                self.decode()?
-            }
-            other => other?,
+            Ok(None) => self.start_behind("it has no frame at its beginning".to_owned())?,
+            Err(VideoError::Damaged { reason }) => self.start_behind(reason)?,
+            Err(error) => return Err(error),
         };
         if self.ahead.is_none() {
             return Err(VideoError::Damaged {
@@ -133,6 +136,26 @@ impl FfmpegSource {
         Ok(())
     }
 
+    /// The first frame behind a damaged beginning.
+    fn start_behind(&mut self, reason: String) -> Result<Option<Decoded>, VideoError> {
+        (self.damage, self.length) = (None, None);
+        let salvage = Salvage::of_file(&self.programs, &self.path, &self.probe, &self.limits)?;
+        if salvage.kept() == 0 {
+            self.lenient = true;
+        } else {
+            self.damage = Some(Damage {
+                frames: salvage.first_lost().unwrap_or(0),
+                reason,
+                lost: Some(salvage.lost()),
+            });
+            self.length = Some(salvage.kept());
+            self.listed = true;
+            self.salvage = Some(salvage);
+        }
+        self.launch(Start::Index(0))?;
+        self.decode()
+    }
+
     /// Ends the running child and starts another one.
     fn launch(&mut self, start: Start) -> Result<(), VideoError> {
         self.run = None;
@@ -140,11 +163,16 @@ impl FfmpegSource {
         self.last = None;
         let probe = &self.probe;
         let mut command = self.programs.ffmpeg();
-        if !self.lenient {
-            // damage ends decoding instead of being painted over
-            command.args(["-xerror", "-err_detect", "explode"]);
+        if self.salvage.is_some() {
+            command.args(tolerant());
+        } else {
+            if !self.lenient {
+                // damage ends decoding instead of being painted over
+                command.args(["-xerror", "-err_detect", "explode"]);
+            }
+            command.arg("-copyts");
         }
-        command.args(["-copyts", "-noautorotate"]);
+        command.arg("-noautorotate");
         command.args([
             "-max_pixels",
             &self
@@ -210,6 +238,7 @@ impl FfmpegSource {
         });
         let (Start::Index(index) | Start::Stamp { index, .. }) = start;
         self.position = index;
+        self.decoded = self.decoded_number(index);
         Ok(())
     }
 
@@ -217,7 +246,10 @@ impl FfmpegSource {
         let mut filters = Vec::new();
         match start {
             Start::Index(0) => {}
-            Start::Index(index) => filters.push(format!("select=gte(n\\,{index})")),
+            Start::Index(index) => {
+                let number = self.decoded_number(index);
+                filters.push(format!("select=gte(n\\,{number})"));
+            }
             Start::Stamp { stamp, .. } => filters.push(format!("select=gte(pts\\,{stamp})")),
         }
         if self.shift() != 0 {
@@ -226,9 +258,15 @@ impl FfmpegSource {
         filters
     }
 
+    /// Number of the frame `index` among all that the decoder gives.
+    fn decoded_number(&self, index: u64) -> u64 {
+        let salvage = self.salvage.as_ref();
+        salvage.map_or(index, |salvage| salvage.decoded_number(index))
+    }
+
     /// Ticks that are added in the child, because no negative stamp goes through the pipe.
     fn shift(&self) -> i64 {
-        if self.probe.start < 0 {
+        if self.probe.start < 0 && self.salvage.is_none() {
             self.probe.start.saturating_mul(-2)
         } else {
             0
@@ -267,24 +305,63 @@ impl FfmpegSource {
         if self.length.is_some_and(|length| self.position >= length) {
             return Ok(None);
         }
-        let found = match &mut run.frames {
-            None => Ok(None),
-            Some(frames) => read_frame(frames, probe),
+        let found = loop {
+            let found = match &mut run.frames {
+                None => Ok(None),
+                Some(frames) => read_frame(frames, probe),
+            };
+            let number = self.decoded;
+            self.decoded += 1;
+            let salvage = self.salvage.as_ref();
+            if !matches!(found, Ok(Some(_))) || !salvage.is_some_and(|s| s.leaves_out(number)) {
+                break found;
+            }
         };
         match found {
             Ok(Some((picture, pts))) => {
                 self.limits.check_frame(self.position)?;
                 let stamp = rescale(pts, run.time_base, probe.info.time_base);
-                let stamp = stamp.saturating_sub(self.shift());
+                let stamp = match &self.salvage {
+                    // the clock of such a run begins with the clip
+                    Some(_) => stamp.saturating_add(self.probe.start),
+                    None => stamp.saturating_sub(self.shift()),
+                };
                 // stamps never decrease, whatever a file says
                 let stamp = self.last.map_or(stamp, |last| stamp.max(last));
                 self.last = Some(stamp);
                 let picture = turned(picture, self.probe.info.rotation);
                 Ok(Some(Decoded { picture, stamp }))
             }
-            Ok(None) => self.end(None).map(|()| None),
-            Err(error) => self.end(Some(&error)).map(|()| None),
+            ended => {
+                self.end(ended.err().as_ref())?;
+                self.go_on()
+            }
         }
+    }
+
+    /// The frame `position` behind damage that ended a run, if whole frames follow. What follows is found out once.
+    fn go_on(&mut self) -> Result<Option<Decoded>, VideoError> {
+        let position = self.position;
+        let (None, false, Some(damage)) = (&self.salvage, self.lenient, self.damage.clone()) else {
+            return Ok(None);
+        };
+        let salvage = Salvage::of_file(&self.programs, &self.path, &self.probe, &self.limits)?;
+        if salvage.kept() <= damage.frames {
+            return Ok(None);
+        }
+        self.damage = Some(Damage {
+            frames: salvage.first_lost().unwrap_or(damage.frames),
+            reason: damage.reason,
+            lost: Some(salvage.lost()),
+        });
+        self.length = Some(salvage.kept());
+        self.stamps = None;
+        self.listed = true;
+        self.salvage = Some(salvage);
+        let last = self.last;
+        self.launch(Start::Index(position))?;
+        self.last = last;
+        self.decode()
     }
 
     /// Records why the child gives no frame `position`.
@@ -310,6 +387,11 @@ impl FfmpegSource {
             });
         }
         match (damage_of(&ended), error) {
+            // what there is to say is known
+            _ if self.salvage.is_some() => {
+                self.length = Some(frames);
+                Ok(())
+            }
             (Some(reason), _) => self.end_with(frames, self.without_path(&reason)),
             (None, Some(error)) => Err(VideoError::FfmpegFailed {
                 message: error.to_string(),
@@ -326,7 +408,11 @@ impl FfmpegSource {
             return Err(VideoError::Damaged { reason });
         }
         self.length = Some(frames);
-        self.damage = Some(Damage { frames, reason });
+        self.damage = Some(Damage {
+            frames,
+            reason,
+            lost: None,
+        });
         Ok(())
     }
 

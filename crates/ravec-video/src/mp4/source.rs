@@ -303,6 +303,7 @@ impl FrameSource for Mp4Source {
                 self.damage = Some(Damage {
                     frames: self.next_frame,
                     reason,
+                    lost: None,
                 });
             }
         }

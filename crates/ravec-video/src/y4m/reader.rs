@@ -128,6 +128,7 @@ impl Y4mSource {
         self.damage = Some(Damage {
             frames: self.next,
             reason: reason.to_owned(),
+            lost: None,
         });
     }
 
