@@ -1,5 +1,7 @@
 //! `offset`: the surface at a distance from a mesh, closed and proved to be within a tolerance.
 
+mod walls;
+
 use super::convert::{Content, Output, Start, rounds, scaled, unit_scale};
 use super::{Length, weld};
 use crate::context::Context;
@@ -8,6 +10,7 @@ use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::{Finding, Report};
 use bytesize::ByteSize;
+use ravec::boolean::{BooleanParams, Inside};
 use ravec::mesh::{CheckParams, TriMesh, check, join_seams, measure};
 use ravec::mesh_io::{LengthUnit, MeshFile};
 use ravec::offset::{self as library, OffsetError, OffsetParams, OpenRule, Side};
@@ -47,13 +50,17 @@ the tolerance, nor farther than their sum; the result is solid if it is closed, 
 that fails, the result is written all the same, a warning says what is wrong, and the exit code is 5. Where coordinates become \
 32-bit floats (STL, glTF), all this holds for the mesh in the file.
 
+Bodies that overlap, contain one another or cross themselves have walls inside the solid. Inner and shell measure to the boundary \
+of what is inside, as `ravec boolean union` makes it by the same --inside, and a warning says so. Parts that are inside out enclose \
+nothing by --inside positive; a warning counts them, and --inside nonzero keeps them.
+
 A length with a unit, as in 2mm, needs a file that names its own (3MF, glTF) or --unit.
 
 Figures: distance, tolerance and diagonal (that of the bounding box), in units of the file that is written; certified and solid (0 or 1), \
 uncertified_triangles, self_intersections; distance_least and distance_most, which are proved for every point of the surface, and \
 distance_most_found, the most at corners and middles of its triangles; triangles, extracted_triangles (before they were merged), \
 feature_edges (where the surface turns by more than 20 degrees); cells and deepest_level of the octree, the tiles it was grown in, repair_rounds, \
-split_cells and filled_corners (repairs done in it). In JSON, passed is the verdict, and details the report of the library.";
+split_cells and filled_corners (repairs done in it); crossing_pairs, buried_parts and reversed_parts, where walls inside were removed. In JSON, passed is the verdict, and details the report of the library.";
 
 /// Parameters of [`Offset`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -80,6 +87,10 @@ pub struct Params {
     /// Part of the surface at the distance
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "SIDE", default_value_t = Params::default().side))]
     pub side: Side,
+    /// The places that count as inside, with --side inner and shell: where bodies of the mesh overlap, contain one another or
+    /// cross themselves, the distance is measured to the boundary of these places
+    #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().inside))]
+    pub inside: Inside,
     /// Treatment of a mesh that is not closed: thicken makes a solid of a sheet, with the sheet itself as one skin, its
     /// offset as the other, and upright walls along its boundary
     #[cfg_attr(feature = "cli", arg(long, value_enum, value_name = "RULE", default_value_t = Params::default().open))]
@@ -115,6 +126,7 @@ impl Default for Params {
             distance: Length::Percent(2.0),
             tolerance: None,
             side: Side::default(),
+            inside: Inside::default(),
             open: OpenRule::default(),
             no_simplify: false,
             max_normal_deviation: None,
@@ -267,8 +279,8 @@ impl Operation for Offset {
 
     /// Writes the surface at a distance from the mesh.
     ///
-    /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one. If a closed mesh is inside out it is
-    /// turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their
+    /// The mesh may be any triangles; [`Side::Inner`] and [`Side::Shell`] need a closed one, and take the boundary of what is
+    /// [`inside`](Params::inside) for it if some of its triangles are elsewhere. If a closed mesh is inside out it is turned. If the output holds 32-bit floats, vertices are put on such numbers before anything is decided about their
     /// triangles: all that is said holds for the mesh in the file.
     ///
     /// [`Report::passed`] says whether the result is what was promised: each triangle is proved to keep the distance within the
@@ -279,12 +291,13 @@ impl Operation for Offset {
     /// `uncertified_triangles`, `self_intersections`, `triangles`, `extracted_triangles` (before they were merged); `cells` and
     /// `deepest_level` of the octree, and its repair: `repair_rounds`, `split_cells`, `filled_corners`; `feature_edges`,
     /// where the surface turns by more than 20°; `distance_least` and `distance_most`, proved for every point of the surface, and
-    /// `distance_most_found`, the most that a corner or a middle of a triangle has; `sheet_kept` (0 or 1) of a sheet that was
+    /// `distance_most_found`, the most that a corner or a middle of a triangle has; `crossing_pairs`, `buried_parts` and
+    /// `reversed_parts`, if walls inside were removed; `sheet_kept` (0 or 1) of a sheet that was
     /// thickened. The details are an [`OffsetReport`](library::OffsetReport).
     ///
     /// # Errors
     /// [`JobError::Parameter`], [`JobError::UnknownMeshFormat`], [`JobError::ReadMesh`], [`JobError::NoTriangles`],
-    /// [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
+    /// [`JobError::Boolean`], [`JobError::Offset`], [`JobError::WriteMesh`], what [`check_files`](crate::check_files) refuses, [`JobError::Cancelled`].
     fn run(&self, context: &Context) -> Result<Report, JobError> {
         let Self {
             input,
@@ -341,6 +354,16 @@ impl Operation for Offset {
                 "{}: the mesh is inside out and was turned",
                 input.display()
             ));
+        }
+        if params.side.is_inward() {
+            let rule = BooleanParams {
+                inside: params.inside,
+                memory_bytes: asked.memory_bytes,
+                coordinates: asked.coordinates,
+                ..BooleanParams::default()
+            };
+            let resolved = walls::without_walls(&mesh, input, &rule, &mut report, progress)?;
+            mesh = resolved.unwrap_or(mesh);
         }
         let beside = Some(output.as_path())
             .filter(|path| !is_stream(path) && !context.is_intermediate(path));
