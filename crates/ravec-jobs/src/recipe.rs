@@ -207,7 +207,7 @@ impl Recipe {
             let done = run_step(operation, context).map_err(|cause| cause.in_step(index + 1))?;
             report.absorb(done, |path| is_intermediate(Path::new(path)));
             if report.passed == Some(false) {
-                report.warn(format!(
+                report.record_dropped(format!(
                     "the recipe ended after step {} ({}): its verdict is no",
                     index + 1,
                     operation.name()

@@ -172,6 +172,23 @@ impl Report {
         self.steps.push(step);
     }
 
+    /// Takes over the warnings and the sentences of the verdict of a part of this run, each once.
+    pub(crate) fn adopt_remarks(&mut self, part: &Self) {
+        let lists = [
+            (&mut self.warnings, &part.warnings),
+            (&mut self.verdict.changed, &part.verdict.changed),
+            (&mut self.verdict.dropped, &part.verdict.dropped),
+            (&mut self.verdict.assumed, &part.verdict.assumed),
+        ];
+        for (own, others) in lists {
+            for sentence in others {
+                if !own.contains(sentence) {
+                    own.push(sentence.clone());
+                }
+            }
+        }
+    }
+
     /// Protects a file that was read from every output of this run.
     pub(crate) fn protect(&mut self, path: &Path) {
         self.protected.extend(FileIdentity::of(path));

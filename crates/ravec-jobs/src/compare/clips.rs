@@ -78,11 +78,11 @@ pub(super) fn compare_clips(operation: &Compare, context: &Context) -> Result<Re
     }
     for (path, clip) in [(a, &clip_a), (b, &clip_b)] {
         if let Some(damage) = clip.damage() {
-            report.warn(format!("{}: {damage}", path.display()));
+            report.record_dropped(format!("{}: {damage}", path.display()));
         }
     }
     if extra > 0 {
-        report.warn(format!(
+        report.record_dropped(format!(
             "one clip has {extra} more frames, which are not compared"
         ));
     }

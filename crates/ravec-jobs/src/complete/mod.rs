@@ -380,7 +380,7 @@ fn offsets(job: &Job, report: &mut Report) -> Result<AnyImage, JobError> {
         report.warn(format!("nothing of the mask lies in plane {}", index + 1));
     }
     if summary.sourceless_px > 0 {
-        report.warn(format!(
+        report.record_assumed(format!(
             "{} pixels had no source and were interpolated",
             summary.sourceless_px
         ));

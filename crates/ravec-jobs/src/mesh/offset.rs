@@ -355,6 +355,7 @@ impl Operation for Offset {
                 input.display()
             ));
         }
+        let mut is_doubtful = false;
         if params.side.is_inward() {
             let rule = BooleanParams {
                 inside: params.inside,
@@ -363,7 +364,10 @@ impl Operation for Offset {
                 ..BooleanParams::default()
             };
             let resolved = walls::without_walls(&mesh, input, &rule, &mut report, progress)?;
-            mesh = resolved.unwrap_or(mesh);
+            if let Some(resolved) = resolved {
+                mesh = resolved.mesh;
+                is_doubtful = resolved.is_doubtful;
+            }
         }
         let beside = Some(output.as_path())
             .filter(|path| !is_stream(path) && !context.is_intermediate(path));
@@ -378,6 +382,9 @@ impl Operation for Offset {
         } = offset.map_err(|cause| JobError::from_offset(input, cause))?;
         drop(mesh);
         record(&done, params.side, &mut report);
+        if is_doubtful {
+            report.passed = Some(false);
+        }
         super::write_stored(output, &surface, &target, &mut report, context)?;
         Ok(report)
     }

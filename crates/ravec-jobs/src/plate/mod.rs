@@ -494,7 +494,7 @@ impl Plate {
             Ok(completed) => Ok(completed.image),
             Err(CompleteError::Cancelled(_)) => Err(JobError::Cancelled),
             Err(reason) => {
-                report.warn(format!(
+                report.record_assumed(format!(
                     "what no frame shows continues smoothly, for it cannot be completed: {reason}"
                 ));
                 Ok(colors)

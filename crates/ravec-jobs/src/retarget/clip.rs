@@ -57,7 +57,7 @@ pub(super) fn run(operation: &Retarget, context: &Context) -> Result<Report, Job
         phase.advance(1);
     }
     if let Some(damage) = clip.damage() {
-        report.warn(format!("{}: {damage}", input.display()));
+        report.record_dropped(format!("{}: {damage}", input.display()));
     }
     outputs.finish(&mut report)?;
     context.device.report_warnings(&mut report);

@@ -166,7 +166,7 @@ impl Params {
         ] {
             for (index, polygon) in polygons.iter().enumerate() {
                 if polygon.is_outside(size, self.pixel_centers) {
-                    report.warn(format!(
+                    report.record_dropped(format!(
                         "nothing of {name} polygon {} lies in the picture of {size} pixels",
                         index + 1
                     ));

@@ -492,7 +492,7 @@ impl Stabilize {
             });
         }
         if !lost.is_empty() {
-            report.warn(format!(
+            report.record_assumed(format!(
                 "the last known pose is kept where the plane is lost: frames {}",
                 in_words(lost)
             ));

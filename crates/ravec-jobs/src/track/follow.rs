@@ -170,7 +170,7 @@ impl<'a> Reader<'a> {
     /// Warns of damage, and of masks that end before the frames do.
     pub fn warn(&self, report: &mut Report) {
         if let Some(damage) = self.clip.damage() {
-            report.warn(format!("{}: {damage}", self.path.display()));
+            report.record_dropped(format!("{}: {damage}", self.path.display()));
         }
         let end = self.exclusions.as_ref().and_then(Exclusions::end);
         if let Some((path, end)) = end {

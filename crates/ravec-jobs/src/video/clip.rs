@@ -100,7 +100,7 @@ pub(crate) fn open_clip(
     };
     let clip = Clip::open(path, &options).map_err(read_error(path))?;
     for warning in clip.warnings() {
-        report.warn(format!("{}: {warning}", path.display()));
+        report.record_dropped(format!("{}: {warning}", path.display()));
     }
     let info = clip.info();
     let format = format_name(info.container, &info.codec);
@@ -418,10 +418,10 @@ impl ClipOutput {
         let (container, codec) = (writer.container(), writer.codec());
         let warnings = writer.finish().map_err(write_error(&path))?;
         for warning in warnings {
-            report.warn(format!("{}: {warning}", path.display()));
+            report.record_dropped(format!("{}: {warning}", path.display()));
         }
         if uneven && matches!(container, Container::Y4m | Container::Pictures) {
-            report.warn(format!(
+            report.record_dropped(format!(
                 "{}: the frames are not evenly spaced, and the format has no time stamps: give a rate, or write another format",
                 path.display()
             ));

@@ -169,7 +169,7 @@ impl Operation for Convert {
             written.write(resized(picture, time, size, &written), &report)?;
         }
         if let Some(damage) = clip.damage() {
-            report.warn(format!("{}: {damage}", input.display()));
+            report.record_dropped(format!("{}: {damage}", input.display()));
         }
         let (frames, seconds) = (written.frames(), written.duration_secs());
         written.finish(&mut report)?;

@@ -150,7 +150,7 @@ impl Operation for Frames {
             first.map_or(0, |frame| frame.time.start)
         };
         if let Some(damage) = clip.damage() {
-            report.warn(format!("{}: {damage}", input.display()));
+            report.record_dropped(format!("{}: {damage}", input.display()));
         }
         if list.is_empty() {
             return Err(JobError::EmptyRange {

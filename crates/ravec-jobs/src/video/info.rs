@@ -83,7 +83,7 @@ impl Operation for Info {
                 "damage": clip.damage(),
             });
             if let Some(damage) = clip.damage() {
-                report.warn(format!("{}: {damage}", input.display()));
+                report.record_dropped(format!("{}: {damage}", input.display()));
             }
         }
         report.result = Some(result);

@@ -119,11 +119,7 @@ pub(crate) fn map_clip<O: Operation>(
         );
         let image = changed?;
         next = read_and_written?;
-        for warning in own.warnings {
-            if !report.warnings.contains(&warning) {
-                report.warnings.push(warning);
-            }
-        }
+        report.adopt_remarks(&own);
         for (name, figure) in own.figures {
             let sum = sums.entry(name).or_default();
             *sum = (sum.0 + figure, sum.1 + 1);
@@ -137,7 +133,7 @@ pub(crate) fn map_clip<O: Operation>(
         written.write(frame, report)?;
     }
     if let Some(damage) = clip.damage() {
-        report.warn(format!("{}: {damage}", input.display()));
+        report.record_dropped(format!("{}: {damage}", input.display()));
     }
     for (name, (sum, count)) in sums {
         report.figures.insert(name, sum / count as f64);

@@ -89,6 +89,13 @@ fn largest_of_each(mesh: &TriMesh, parts: u32, part_of: &[u32]) -> Vec<u32> {
     largest.into_iter().map(|(t, _)| t).collect()
 }
 
+/// The boundary of what is inside a mesh.
+pub(super) struct Resolved {
+    pub mesh: TriMesh,
+    /// True if parts were left out that were probably meant to be solid: the result does not pass.
+    pub is_doubtful: bool,
+}
+
 /// Returns the boundary of what is inside a closed mesh, if some of its triangles are elsewhere. The report says so.
 ///
 /// Figures, if there are such triangles: `crossing_pairs` of triangles, `buried_parts` and `reversed_parts`.
@@ -101,7 +108,7 @@ pub(super) fn without_walls(
     params: &BooleanParams,
     report: &mut Report,
     progress: &Progress,
-) -> Result<Option<TriMesh>, JobError> {
+) -> Result<Option<Resolved>, JobError> {
     let found = report.time("walls", || Walls::of(mesh, progress))?;
     let Some(walls) = found.filter(|walls| !walls.are_none(params.inside)) else {
         return Ok(None);
@@ -127,19 +134,17 @@ pub(super) fn without_walls(
             walls.crossings, walls.buried, walls.parts
         ));
     }
-    if walls.reversed > 0 {
-        let Walls {
-            parts, reversed, ..
-        } = walls;
-        match params.inside {
-            Inside::Positive => report.record_dropped(format!(
-                "{file}: {reversed} of {parts} parts are inside out, enclose nothing by `inside` positive and were left out: \
-                 `inside` nonzero keeps them"
-            )),
-            Inside::Nonzero | Inside::OuterHull => report.record_assumed(format!(
-                "{file}: {reversed} of {parts} parts are inside out and were turned (`inside` {rule})"
-            )),
+    for operand in &union.report.operands {
+        for assumption in &operand.assumptions {
+            report.record_assumed(format!("{file}: {assumption}"));
         }
+    }
+    let doubts = union.report.operands.iter().map(|operand| &operand.doubts);
+    let doubts = doubts.chain([&union.report.doubts]).flatten();
+    let mut is_doubtful = false;
+    for doubt in doubts {
+        is_doubtful = true;
+        report.record_dropped(format!("{file}: {doubt}"));
     }
     if !union.report.solid {
         report.warn(format!(
@@ -151,7 +156,10 @@ pub(super) fn without_walls(
             path: input.to_owned(),
         });
     }
-    Ok(Some(union.mesh))
+    Ok(Some(Resolved {
+        mesh: union.mesh,
+        is_doubtful,
+    }))
 }
 
 /// The word for a rule.
@@ -197,8 +205,8 @@ mod tests {
             ..BooleanParams::default()
         };
         let file = Path::new("file.off");
-        let mesh = without_walls(mesh, file, &params, &mut report, &Progress::none()).unwrap();
-        (mesh, report)
+        let found = without_walls(mesh, file, &params, &mut report, &Progress::none()).unwrap();
+        (found.map(|found| found.mesh), report)
     }
 
     #[test]
@@ -252,19 +260,15 @@ mod tests {
     fn parts_inside_out_are_named() {
         let mesh = cubes(&[(4.0, 0.0, false), (2.0, 9.0, true), (1.0, 20.0, true)]);
         assert_eq!(walls(&mesh).reversed, 2);
+        let (all, report) = resolved(&mesh, Inside::Positive);
+        assert!((measure(&all.unwrap()).volume - 73.0).abs() < 1e-9);
+        assert!(report.verdict.assumed[0].contains("2 parts"), "{report:?}");
+        // one that reaches into another cannot be told from a cut
+        let mesh = cubes(&[(4.0, 0.0, false), (2.0, 3.0, true)]);
         let (left, report) = resolved(&mesh, Inside::Positive);
-        assert!((measure(&left.unwrap()).volume - 64.0).abs() < 1e-9);
-        assert!(
-            report.warnings[0].contains("2 of 3 parts are inside out"),
-            "{:?}",
-            report.warnings
-        );
-        let (kept, report) = resolved(&mesh, Inside::Nonzero);
-        assert!((measure(&kept.unwrap()).volume - 73.0).abs() < 1e-9);
-        assert!(
-            report.warnings[0].contains("were turned"),
-            "{:?}",
-            report.warnings
-        );
+        assert!((measure(&left.unwrap()).volume - 63.0).abs() < 1e-9);
+        assert!(!report.verdict.dropped.is_empty(), "{report:?}");
+        let (kept, _) = resolved(&mesh, Inside::Nonzero);
+        assert!((measure(&kept.unwrap()).volume - 70.0).abs() < 1e-9);
     }
 }
