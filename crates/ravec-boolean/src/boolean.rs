@@ -100,7 +100,7 @@ pub fn boolean(
     let expr = check(meshes, expr, params)?;
     let mut report = BooleanReport::default();
     let mut inputs = prepare(meshes, params, &mut report, progress)?;
-    let sheets = sheets_to_trim(&expr.flattened, params.open, &mut inputs, &mut report)?;
+    let sheets = sheets_to_trim(&expr.flattened, params, &mut inputs, &mut report)?;
     let result = if sheets.is_empty() {
         inputs.keep(&expr, &mut report);
         combine(&inputs, &expr.pruned, params, &mut report, progress)?
@@ -135,7 +135,7 @@ pub fn boolean(
     let measures = ravec_mesh::measure(&mesh);
     report.area = measures.area;
     report.volume = if report.trimmed { 0.0 } else { measures.volume };
-    doubt(&mut report, &expr.named);
+    doubt(&mut report, &expr.named, params.close);
     Ok(Boolean {
         mesh,
         origins,

@@ -55,7 +55,8 @@ pub enum CloseRule {
     serde(rename_all = "kebab-case")
 )]
 pub enum OpenRule {
-    /// Trims sheets where the result lies in them alone, as in sheet - solid and sheet & solid; closes all other open meshes.
+    /// Trims sheets where the result lies in them alone, as in sheet - solid and sheet & solid, unless `close` says how to close
+    /// them; closes all other open meshes.
     #[default]
     Auto,
     /// Trims all open meshes: the result is the part of their surfaces that the expression keeps, and stays open.

@@ -1,7 +1,7 @@
 //! Reasons why a result is probably not what was meant.
 
 use super::rule::Rule;
-use crate::params::BooleanReport;
+use crate::params::{BooleanReport, CloseRule};
 
 /// Says for which meshes no place is inside.
 pub(super) fn doubt_empty(rule: &Rule, meshes: &[usize], report: &mut BooleanReport) {
@@ -21,19 +21,26 @@ pub(super) fn doubt_empty(rule: &Rule, meshes: &[usize], report: &mut BooleanRep
 }
 
 /// What to do about a sheet that has to be a solid.
-const SHEET_REMEDY: &str = "it is an open sheet; set `close` to base to put a relief on a flat base, or thicken it by an offset first";
+const SHEET_REMEDY: &str = "it is an open sheet; set `close` to base to put a relief on a flat base, to lid if that surface is meant, or thicken the \
+     sheet by an offset first";
 
 /// Volume of a solid below this share of a cube with its area is rounding.
 const MIN_VOLUME_REL: f64 = 1e-9;
 
-/// Adds the doubts that the result itself raises.
-pub(super) fn doubt(report: &mut BooleanReport, named: &[usize]) {
-    for &mesh in named {
+/// Adds the doubts that sheets and the result itself raise. Meshes that had no effect raise none.
+pub(super) fn doubt(report: &mut BooleanReport, named: &[usize], close: CloseRule) {
+    let pruned = std::mem::take(&mut report.pruned);
+    let used = || {
+        named
+            .iter()
+            .filter(|&&mesh| !pruned.contains(&(mesh as u32)))
+    };
+    for &mesh in used() {
         let operand = &mut report.operands[mesh];
-        let is_pruned = report.pruned.contains(&(mesh as u32));
-        if operand.sheet && !operand.trimmed && !is_pruned && operand.doubts.is_empty() {
+        let is_closed_unasked = operand.sheet && !operand.trimmed && close == CloseRule::Auto;
+        if is_closed_unasked && operand.doubts.is_empty() {
             let doubt = format!(
-                "only slabs between it and the surface that closes it count as inside: {SHEET_REMEDY}"
+                "only what is between it and the surface that closes it counts as inside: {SHEET_REMEDY}"
             );
             operand.doubts.push(doubt);
         }
@@ -45,7 +52,8 @@ pub(super) fn doubt(report: &mut BooleanReport, named: &[usize]) {
             .doubts
             .push("no mesh reaches the open surface: it came out as it went in".to_owned());
     }
-    let is_open = named.iter().any(|&mesh| !report.operands[mesh].closed);
+    let is_open = used().any(|&mesh| !report.operands[mesh].closed);
+    report.pruned.clone_from(&pruned);
     if report.triangles == 0 && is_open {
         report.doubts.push(
             "the result is empty, and a mesh was open: what closed it may be the reason".to_owned(),

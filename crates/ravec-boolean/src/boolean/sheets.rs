@@ -12,7 +12,7 @@ use super::{Surface, count_contacts, finished, within_memory};
 use crate::arrangement::{Cells, cut};
 use crate::closing::Closing;
 use crate::expr::{Expr, Known};
-use crate::params::{BooleanError, BooleanParams, BooleanReport, Inside, OpenRule};
+use crate::params::{BooleanError, BooleanParams, BooleanReport, CloseRule, Inside, OpenRule};
 use crate::repair::{conflicts, round_to};
 use crate::select::trim;
 
@@ -20,15 +20,15 @@ use crate::select::trim;
 /// doubt.
 pub(super) fn sheets_to_trim(
     expr: &Expr,
-    open: OpenRule,
+    params: &BooleanParams,
     inputs: &mut Inputs,
     report: &mut BooleanReport,
 ) -> Result<Vec<usize>, BooleanError> {
     let named = expr.meshes();
     let is_candidate = |mesh: &usize| {
         let operand = &report.operands[*mesh];
-        match open {
-            OpenRule::Auto => operand.sheet,
+        match params.open {
+            OpenRule::Auto => operand.sheet && params.close == CloseRule::Auto,
             OpenRule::Trim => !operand.closed,
             OpenRule::Close => false,
         }
@@ -44,7 +44,7 @@ pub(super) fn sheets_to_trim(
     // something else has to trim them
     let are_some = !candidates.is_empty() && candidates.len() < named.len();
     let lies_in_them = are_some && without_them == Known::Out;
-    if open == OpenRule::Trim && !lies_in_them {
+    if params.open == OpenRule::Trim && !lies_in_them {
         return Err(BooleanError::NothingToTrim);
     }
     if !lies_in_them {

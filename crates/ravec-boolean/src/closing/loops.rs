@@ -22,6 +22,7 @@ use glam::DVec3;
 use ravec_mesh::Aabb;
 use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
+use rustc_hash::FxHashMap;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -183,7 +184,14 @@ fn join(
         .flatten()
         .map(|own| own.vertices.clone())
         .collect();
-    for pair in neighbors(filled, reach, at, progress)? {
+    let pairs = neighbors(filled, reach, at, progress)?;
+    let mut bands = Bands {
+        originals: &originals,
+        bridges: pairs.iter().map(|pair| (pair.loops, pair.bridge)).collect(),
+        known: FxHashMap::default(),
+    };
+    let mut members: Vec<Vec<usize>> = (0..filled.len()).map(|own| vec![own]).collect();
+    for pair in &pairs {
         progress.check()?;
         let [a, b] = pair.loops.map(|own| group.root(own as u32) as usize);
         let (Some(first), Some(second)) = (&filled[a], &filled[b]) else {
@@ -193,16 +201,16 @@ fn join(
             continue;
         }
         let loops = first.loops + second.loops;
-        let strip = || {
-            strip_between(
-                pair.loops.map(|own| &originals[own][..]),
-                pair.bridge,
-                loops,
-                at,
-            )
-        };
         let joined = if is_asked_for {
-            strip().filter(|strip| !walls.is_retraced(&strip.vertices, &strip.patch, at))
+            let is_retraced = bands.is_retraced(pair.loops, walls, at);
+            let strip = (!is_retraced)
+                .then(|| bands.strip(pair.loops, at))
+                .flatten();
+            strip.map(|(vertices, patch)| Filled {
+                vertices,
+                patch,
+                loops,
+            })
         } else {
             let vertices = bridged(&first.vertices, &second.vertices, pair.bridge);
             let Some(left) = room.checked_sub(vertices.len()) else {
@@ -211,45 +219,73 @@ fn join(
             room = left;
             let patch = filled_polygon(&vertices, at);
             let is_less = patch.area < NOTABLY_LESS * (first.patch.area + second.patch.area);
-            let common = Filled {
+            let is_retraced = is_less
+                && (walls.is_retraced(&vertices, &patch, at)
+                    || bands.is_any_retraced([&members[a], &members[b]], walls, at));
+            (is_less && !is_retraced).then_some(Filled {
                 vertices,
                 patch,
                 loops,
-            };
-            // of long loops a surface follows the wall less closely than a strip
-            let is_retraced = || {
-                let strip = strip();
-                let judged = strip.as_ref().unwrap_or(&common);
-                walls.is_retraced(&judged.vertices, &judged.patch, at)
-            };
-            (is_less && !is_retraced()).then_some(common)
+            })
         };
         if let Some(joined) = joined {
             filled[a] = Some(joined);
             filled[b] = None;
             group.join_into(b as u32, a as u32);
+            let more = std::mem::take(&mut members[b]);
+            members[a].extend(more);
         }
     }
     Ok(())
 }
 
-/// A strip between two loops from a bridge on, unless they are too long.
-fn strip_between(
-    pair: [&[u32]; 2],
-    bridge: [u32; 2],
-    loops: u32,
-    at: &impl Fn(u32) -> DVec3,
-) -> Option<Filled> {
-    let places = pair.map(|own| own.iter().map(|&v| at(v)).collect::<Vec<_>>());
-    let starts: [Option<usize>; 2] =
-        std::array::from_fn(|k| pair[k].iter().position(|&v| v == bridge[k]));
-    let patch = strip(&places[0], &places[1], [starts[0]?, starts[1]?])?;
-    let vertices = pair.concat();
-    Some(Filled {
-        vertices,
-        patch,
-        loops,
-    })
+/// Strips between loops, which say whether the mesh's own wall is between them: a surface of least area in a long polygon
+/// follows a wall less closely.
+struct Bands<'a> {
+    /// The loops as they were before any were joined.
+    originals: &'a [Vec<u32>],
+    /// For pairs of loops that are near to each other the vertices at which they are nearest.
+    bridges: FxHashMap<[usize; 2], [u32; 2]>,
+    /// Pairs that were looked at, and whether the strip between them lies on the mesh.
+    known: FxHashMap<[usize; 2], bool>,
+}
+
+impl Bands<'_> {
+    /// The strip between two loops that are near to each other, unless they are too long.
+    fn strip(&self, pair: [usize; 2], at: &impl Fn(u32) -> DVec3) -> Option<(Vec<u32>, Patch)> {
+        let bridge = self.bridges.get(&pair)?;
+        let own = pair.map(|own| &self.originals[own][..]);
+        let places = own.map(|own| own.iter().map(|&v| at(v)).collect::<Vec<_>>());
+        let start = |k: usize| own[k].iter().position(|v| *v == bridge[k]);
+        let patch = strip(&places[0], &places[1], [start(0)?, start(1)?])?;
+        Some((own.concat(), patch))
+    }
+
+    /// Returns `true` if the strip between two loops lies on the mesh.
+    fn is_retraced(&mut self, pair: [usize; 2], walls: &Walls, at: &impl Fn(u32) -> DVec3) -> bool {
+        if let Some(&known) = self.known.get(&pair) {
+            return known;
+        }
+        let strip = self.strip(pair, at);
+        let is_retraced =
+            strip.is_some_and(|(vertices, patch)| walls.is_retraced(&vertices, &patch, at));
+        self.known.insert(pair, is_retraced);
+        is_retraced
+    }
+
+    /// The same for any two loops of two groups.
+    fn is_any_retraced(
+        &mut self,
+        groups: [&[usize]; 2],
+        walls: &Walls,
+        at: &impl Fn(u32) -> DVec3,
+    ) -> bool {
+        let [one, other] = groups;
+        one.iter().any(|&a| {
+            let mut pairs = other.iter().flat_map(|&b| [[a, b], [b, a]]);
+            pairs.any(|pair| self.bridges.contains_key(&pair) && self.is_retraced(pair, walls, at))
+        })
+    }
 }
 
 /// Returns `true` if neither of two loops was joined with another one and they run around opposite directions.

@@ -227,6 +227,13 @@ fn a_zone_of_a_ball_gets_lids_and_a_ring_without_its_inner_wall_a_band() {
             );
         }
     }
+    // flat ones, whose walls have less area than what is missing, and are not to be joined crosswise either
+    let low = |height: f64| walls(&[[(2.0, height), (2.0, 0.0)], [(3.0, 0.0), (3.0, height)]]);
+    for height in [0.5, 0.3, 0.02] {
+        let (full, closing) = closed(&low(height));
+        assert_eq!(loops(&closing), [2, 2], "{height}");
+        assert!((volume(&full) - height * expected).abs() < 1e-9, "{height}");
+    }
     let (_, lids) = closed_by(&walls(&[outside, below, above]), CloseRule::Lid);
     assert_eq!(loops(&lids), [1, 1]);
     // a band that is longer than wide is there for those who ask

@@ -18,8 +18,8 @@ use crate::params::{DroppedPart, Inside};
 const SOLID_REL: f64 = 1e-6;
 
 /// A part with a boundary and less volume than this share of a cube with its area may be a sheet. A cap of a sphere has as
-/// much if it rises by 20 degrees at its rim, half a ball 0.14.
-const SHEET_REL: f64 = 0.05;
+/// much if it rises by 35 degrees at its rim, half a ball 0.14.
+const SHEET_REL: f64 = 0.08;
 
 /// Rounding of the volume of a triangle about the center of the mesh, as a share of the cube of half the diagonal.
 const ROUNDING_REL: f64 = 2e-15;

@@ -138,14 +138,25 @@ fn sheets_in_other_expressions_are_closed_and_doubted() {
         open: OpenRule::Trim,
         ..BooleanParams::default()
     };
-    let meshes = [flat, cube_in_the_middle()];
+    let meshes = [flat.clone(), cube_in_the_middle()];
     let refused = boolean(&meshes, &union(), &trim, &Progress::none()).unwrap_err();
     assert_eq!(refused, BooleanError::NothingToTrim);
+    // a lid that is asked for is no doubt
+    let lid = BooleanParams {
+        close: CloseRule::Lid,
+        ..BooleanParams::default()
+    };
+    let dome = relief(10, |x, y| 0.05 * x * (10.0 - x) * y * (10.0 - y) / 25.0);
+    let meshes = [dome, cube_in_the_middle()];
+    assert!(run(&meshes, &difference()).report.trimmed);
+    let cut = run_with(&meshes, &difference(), &lid);
+    assert_sound(&cut);
+    assert!(cut.report.passed() && !cut.report.trimmed);
     // nothing of it is left, or nothing was cut
     let around = cuboid(DVec3::splat(-1.0), DVec3::splat(11.0));
     let beside = cuboid(DVec3::splat(20.0), DVec3::splat(21.0));
     for solid in [around, beside] {
-        let result = run(&[meshes[0].clone(), solid], &difference());
+        let result = run(&[flat.clone(), solid], &difference());
         assert!(!result.report.passed() && result.report.trimmed);
     }
 }

@@ -113,3 +113,94 @@ fn the_result_does_not_depend_on_threads() {
         "out.ply",
     );
 }
+
+/// An OFF file over a grid of `n` squares with a side of one and this height.
+fn relief(n: usize, height: impl Fn(usize, usize) -> f64) -> String {
+    use std::fmt::Write as _;
+    let mut text = format!("OFF\n{} {} 0\n", (n + 1) * (n + 1), 2 * n * n);
+    for y in 0..=n {
+        for x in 0..=n {
+            writeln!(text, "{x} {y} {}", height(x, y)).unwrap();
+        }
+    }
+    for y in 0..n {
+        for x in 0..n {
+            let a = y * (n + 1) + x;
+            writeln!(text, "3 {a} {} {}", a + 1, a + n + 2).unwrap();
+            writeln!(text, "3 {a} {} {}", a + n + 2, a + n + 1).unwrap();
+        }
+    }
+    text
+}
+
+#[test]
+fn an_open_tube_gets_lids() {
+    let folder = folder();
+    let rim = |z: i32| format!("0 0 {z}\n4 0 {z}\n4 4 {z}\n0 4 {z}\n");
+    let walls: String = (0..4)
+        .map(|i| {
+            let next = (i + 1) % 4;
+            format!("3 {i} {next} {}\n3 {i} {} {}\n", next + 4, next + 4, i + 4)
+        })
+        .collect();
+    let tube = format!("OFF\n8 8 0\n{}{}{walls}", rim(0), rim(1));
+    std::fs::write(folder.path().join("tube.off"), tube).unwrap();
+    for rule in ["auto", "lid", "band"] {
+        let closed = report(
+            folder.path(),
+            &format!("boolean union tube.off -o out.ply --close {rule}"),
+        );
+        assert_eq!(closed["passed"], true);
+        assert_eq!(closed["figures"]["volume"], 16.0);
+    }
+    done(folder.path(), "mesh check out.ply");
+    let base = [
+        "boolean", "union", "tube.off", "-o", "out2.ply", "--close", "base",
+    ];
+    refused(folder.path(), &base, 3, &["no relief", "--close"]);
+}
+
+#[test]
+fn a_sheet_is_trimmed_by_a_box_or_put_on_a_base() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    std::fs::write(path("flat.off"), relief(10, |_, _| 0.0)).unwrap();
+    std::fs::write(
+        path("hills.off"),
+        relief(10, |x, y| ((x * y) % 3) as f64 * 0.2),
+    )
+    .unwrap();
+    let place = "--place b:4,4,-1";
+    let cut = report(
+        folder.path(),
+        &format!("boolean a-b flat.off box.stl -o out.ply {place}"),
+    );
+    assert_eq!(cut["passed"], true, "{cut}");
+    assert_eq!(cut["figures"]["trimmed"], 1.0);
+    assert_eq!(cut["figures"]["solid"], 0.0);
+    assert_eq!(cut["figures"]["area"], 88.0);
+    assert!(
+        cut["warnings"][0].as_str().unwrap().contains("open"),
+        "{cut}"
+    );
+    let doubted = [
+        "boolean", "b-a", "flat.off", "box.stl", "-o", "out.ply", "--place", "b:4,4,-1",
+    ];
+    let output = ravec(folder.path(), &doubted);
+    assert_eq!(code(&output), 5);
+    assert!(
+        stderr(&output).contains("--close to base"),
+        "{}",
+        stderr(&output)
+    );
+    let model = report(
+        folder.path(),
+        "boolean union hills.off -o model.ply --close base",
+    );
+    assert_eq!(model["passed"], true, "{model}");
+    done(folder.path(), "mesh check model.ply");
+    let trim = [
+        "boolean", "union", "flat.off", "box.stl", "-o", "no.ply", "--open", "trim",
+    ];
+    refused(folder.path(), &trim, 2, &["--open trim", "sheet - solid"]);
+}
