@@ -8,6 +8,7 @@
 //! | `deny` | checks licenses, sources and advisories of dependencies, where `cargo-deny` is installed |
 //! | `fuzz` | runs the fuzz targets of all readers, or replays their inputs |
 //! | `guide-pictures` | takes the pictures of the studio's guide from the running program |
+//! | `shapes` | measures memory and time of the program on pictures of extreme shape |
 //! | `spelling` | checks the spelling of code and documents, where `typos` is installed |
 //! | `window` | drives the studio in a real window, where `Xvfb` and `xdotool` are installed |
 
@@ -16,6 +17,7 @@ mod check;
 mod crash;
 mod deny;
 mod fuzz;
+mod shapes;
 mod sources;
 mod spelling;
 mod studio;
@@ -71,6 +73,18 @@ enum Chore {
     },
     /// Take the pictures of the studio's guide from the running program
     GuidePictures,
+    /// Measure memory and time of the program on pictures of extreme shape, against the square one of as many pixels
+    Shapes {
+        /// Pixels of each picture
+        #[arg(long, default_value_t = 20_000_000)]
+        pixels: usize,
+        /// Only operations whose command contains this text; can be given several times
+        #[arg(long, value_name = "TEXT")]
+        only: Vec<String>,
+        /// The program [default: built with release settings]
+        #[arg(long)]
+        program: Option<PathBuf>,
+    },
     /// Check the spelling of code and documents
     Spelling,
     /// Drive the studio in a real window
@@ -92,6 +106,11 @@ fn main() -> anyhow::Result<()> {
             minutes, target, ..
         } => fuzz::fuzz(minutes, &target),
         Chore::GuidePictures => studio::guide_pictures(),
+        Chore::Shapes {
+            pixels,
+            only,
+            program,
+        } => shapes::shapes(pixels, &only, program),
         Chore::Spelling => spelling::spelling(),
         Chore::Window => studio::window(),
     }

@@ -153,7 +153,7 @@ photos count for the limits on repeats of all other tiles, and keep none among t
 
 Figures: columns, rows, tiles, features (tiles with an edge), photos (that fit the tiles), different (of these, to the eye), used, most_uses, nearest_repeat (in tiles; \
 infinite, or null in JSON, if no photo is there twice), cost (weighted squared differences in Oklab), cost_bound (below which no \
-choice can be), cost_gap_percent, changes (of the improvement). In JSON, result has photos, the path of each tile's photo, \
+choice can be), cost_gap_percent (infinite, or null in JSON, if the bound is 0 but for rounding), changes (of the improvement). In JSON, result has photos, the path of each tile's photo, \
 and places, the left and upper border, width and height of each tile.";
 
 /// Parameters of [`Mosaic`].
@@ -385,14 +385,26 @@ impl Operation for Mosaic {
     }
 }
 
+/// Squared difference in Oklab of a tile that is the rounding of its computation.
+const ROUNDING: f64 = 1e-8;
+
+/// Distance of a cost from its lower bound, in percent of the bound; infinite where the bound is nothing beside the cost.
+fn gap_percent(cost: f64, bound: f64, tiles: usize) -> f64 {
+    let gap = (cost - bound).max(0.0);
+    let rounding = ROUNDING * tiles as f64;
+    if gap <= rounding {
+        0.0
+    } else if bound <= rounding {
+        f64::INFINITY
+    } else {
+        100.0 * gap / bound
+    }
+}
+
 /// Enters the figures and the places of the tiles into the report.
 fn record(mosaic: &ravec_catalogue::Mosaic, report: &mut Report) {
     let (cost, bound) = (mosaic.choice.cost, mosaic.choice.bound);
-    let gap = if cost > bound {
-        100.0 * (cost - bound) / bound
-    } else {
-        0.0
-    };
+    let gap = gap_percent(cost, bound, mosaic.photos.len());
     for (name, figure) in [
         ("columns", mosaic.tiles.0 as f64),
         ("rows", mosaic.tiles.1 as f64),

@@ -24,10 +24,6 @@ impl std::fmt::Display for Damage {
         } = self;
         match lost {
             None => write!(f, "damaged behind {frames} frames: {reason}"),
-            Some(0) => write!(
-                f,
-                "damaged behind {frames} frames: {reason}; all frames could be decoded"
-            ),
             Some(lost) => write!(
                 f,
                 "damaged behind {frames} frames: {reason}; {lost} frames were lost, and the whole ones behind them are used"

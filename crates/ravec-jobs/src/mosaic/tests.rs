@@ -187,3 +187,13 @@ fn a_desk_gives_previews_and_candidates_that_can_be_pinned() {
     mosaic.params.tile_size = Some("20x20".parse().unwrap());
     assert_ne!(MosaicDesk::key(&mosaic).unwrap(), key);
 }
+
+#[test]
+fn the_gap_of_costs_is_no_ratio_of_roundings() {
+    assert_eq!(gap_percent(3.0, 2.0, 100), 50.0);
+    assert_eq!(gap_percent(2.0, 2.5, 100), 0.0);
+    // tiles that are photos of the catalogue
+    assert_eq!(gap_percent(2e-7, 1e-12, 100), 0.0);
+    assert_eq!(gap_percent(0.4, 2e-12, 100), f64::INFINITY);
+    assert_eq!(gap_percent(0.0, 0.0, 100), 0.0);
+}

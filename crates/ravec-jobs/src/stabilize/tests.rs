@@ -157,7 +157,7 @@ fn lost_frames_keep_the_last_pose_and_are_named() {
         .unwrap();
     assert_eq!(
         report.warnings,
-        ["what belongs to no shot is left as it is: frames 5"]
+        ["the last known pose is kept where the plane is lost: frames 5"]
     );
     assert_eq!(report.outputs[0].frames, Some(FRAMES as u64));
     let hopeless = Wall::with(|index, image| if index > 0 { noise(index) } else { image });

@@ -103,8 +103,6 @@ pub(super) struct Probe {
     pub(super) frame_a_packet: bool,
     /// The most frames that the decoder holds back because they are shown later.
     pub(super) reordered: u64,
-    /// True if the decoder notices frames that are missing.
-    pub(super) notices_gaps: bool,
 }
 
 impl Probe {
@@ -208,7 +206,6 @@ impl Probe {
                 .has_b_frames
                 .unwrap_or(MAX_REORDERED)
                 .min(MAX_REORDERED),
-            notices_gaps: matches!(stream.codec_name.as_deref(), Some("h264" | "hevc")),
             track: stream.index,
             layout,
             stored_size,

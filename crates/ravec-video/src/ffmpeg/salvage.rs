@@ -4,8 +4,8 @@
 //! out. A complaint makes all frames suspect up to the next key frame that was surely decoded after it, because they may
 //! refer to what is missing. What is not suspect is given by later passes, which count the frames in the same way.
 //!
-//! A packet that only the container calls damaged does not count where the codec notices missing frames itself: it may be
-//! whole, as where two streams are joined.
+//! A packet that only the container calls damaged counts as a complaint, too: decoders take a frame whose end is missing
+//! without a word. Where two streams are joined, the last frames of the first one are lost by that, though they may be whole.
 
 use super::probe::Probe;
 use super::process::{Process, Programs, add, input_arguments};
@@ -57,11 +57,7 @@ impl Salvage {
         command.args(["-f", "null", "-"]);
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let (mut process, log) = Process::start_with_log(&mut command)?;
-        let mut scan = Scan::new(
-            probe.reordered,
-            programs.is_pipelined()?,
-            probe.notices_gaps,
-        );
+        let mut scan = Scan::new(probe.reordered, programs.is_pipelined()?);
         let mut log = BufReader::new(log);
         let mut line = Vec::new();
         loop {
@@ -75,6 +71,15 @@ impl Salvage {
         }
         process.wait()?;
         Ok(scan.end())
+    }
+
+    /// The same with the first `frames` frames, which are known to be whole.
+    pub(super) fn trusting(mut self, frames: u64) -> Self {
+        for lost in &mut self.left_out {
+            lost.start = lost.start.max(frames);
+        }
+        self.left_out.retain(|lost| lost.start < lost.end);
+        self
     }
 
     /// Number of frames that are given.
@@ -128,20 +133,18 @@ struct Scan {
     since: Option<u64>,
     /// Frames after a complaint that may have been decoded before it.
     delay: u64,
-    notices_gaps: bool,
 }
 
 impl Scan {
     /// `reordered` is the number of frames that the decoder holds back. Where FFmpeg is pipelined, decoded frames also wait
     /// in a queue.
-    fn new(reordered: u64, pipelined: bool, notices_gaps: bool) -> Self {
+    fn new(reordered: u64, pipelined: bool) -> Self {
         Self {
             frames: 0,
             failed: 0,
             left_out: Vec::new(),
             since: None,
             delay: reordered + if pipelined { 12 } else { 1 },
-            notices_gaps,
         }
     }
 
@@ -152,6 +155,10 @@ impl Scan {
             }
             return;
         }
+        if line.contains("Stream mapping:") {
+            // complaints up to here are about the search for the streams
+            self.since = None;
+        }
         let is_failure = [
             "Error while decoding stream",
             "Error submitting packet to decoder",
@@ -159,11 +166,13 @@ impl Scan {
         .iter()
         .any(|start| line.contains(start));
         self.failed += u64::from(is_failure);
-        let by_container = line.contains("corrupt input packet");
-        let by_decoder = line.contains("[error]")
-            || line.contains("[fatal]")
-            || line.contains("corrupt decoded frame");
-        if by_decoder || (by_container && !self.notices_gaps) {
+        let signs = [
+            "[error]",
+            "[fatal]",
+            "corrupt decoded frame",
+            "corrupt input packet",
+        ];
+        if signs.iter().any(|sign| line.contains(sign)) {
             self.since = Some(0);
         }
     }
@@ -204,8 +213,8 @@ mod tests {
     const WRONG: &str = "[h264 @ 0x5] [error] error while decoding MB 14 11";
     const FLAGGED: &str = "[warning] a.ts: corrupt input packet in stream 0";
 
-    fn scan(lines: &[&str], notices_gaps: bool) -> Salvage {
-        let mut scan = Scan::new(1, false, notices_gaps);
+    fn scan(lines: &[&str]) -> Salvage {
+        let mut scan = Scan::new(1, false);
         lines.iter().for_each(|line| scan.line(line));
         scan.end()
     }
@@ -216,21 +225,31 @@ mod tests {
         let lines = [
             KEY, OTHER, WRONG, OTHER, KEY, OTHER, OTHER, KEY, OTHER, WRONG, OTHER,
         ];
-        let found = scan(&lines, true);
+        let found = scan(&lines);
         assert_eq!(found.left_out, [2..6, 8..9]);
         assert_eq!((found.kept(), found.lost()), (4, 5));
         assert_eq!(found.first_lost(), Some(2));
         let numbers: Vec<_> = (0..5).map(|index| found.decoded_number(index)).collect();
         assert_eq!(numbers, [0, 1, 6, 7, 9]);
+        assert_eq!(found.clone().trusting(3).left_out, [3..6, 8..9]);
+        assert_eq!(found.clone().trusting(6).left_out, [8..9]);
         for (number, is) in [(1, false), (2, true), (5, true), (6, false), (8, true)] {
             assert_eq!(found.leaves_out(number), is);
         }
     }
 
     #[test]
-    fn flags_of_the_container_count_where_the_codec_misses_nothing_itself() {
-        let lines = [KEY, FLAGGED, OTHER, OTHER, OTHER, KEY];
-        assert_eq!(scan(&lines, true).lost(), 0);
-        assert_eq!(scan(&lines, false).left_out, [1..4]);
+    fn flags_of_the_container_count_and_the_search_for_streams_does_not() {
+        let lines = [
+            WRONG,
+            "[info] Stream mapping:",
+            KEY,
+            FLAGGED,
+            OTHER,
+            OTHER,
+            OTHER,
+            KEY,
+        ];
+        assert_eq!(scan(&lines).left_out, [1..4]);
     }
 }

@@ -50,6 +50,8 @@ pub struct FfmpegSource {
     lenient: bool,
     /// The frames that are given, once damage was met and whole frames are known to follow.
     salvage: Option<Salvage>,
+    /// True if the run decodes from the beginning, and so has met no damage before its frames.
+    counted: bool,
     /// Number of the next decoded frame of a run, with those that are left out.
     decoded: u64,
     damage: Option<Damage>,
@@ -110,6 +112,7 @@ impl FfmpegSource {
             listed: false,
             lenient: false,
             salvage: None,
+            counted: false,
             decoded: 0,
             damage: None,
             _memory: memory,
@@ -239,6 +242,7 @@ impl FfmpegSource {
         let (Start::Index(index) | Start::Stamp { index, .. }) = start;
         self.position = index;
         self.decoded = self.decoded_number(index);
+        self.counted = matches!(start, Start::Index(_));
         Ok(())
     }
 
@@ -345,7 +349,10 @@ impl FfmpegSource {
         let (None, false, Some(damage)) = (&self.salvage, self.lenient, self.damage.clone()) else {
             return Ok(None);
         };
-        let salvage = Salvage::of_file(&self.programs, &self.path, &self.probe, &self.limits)?;
+        let mut salvage = Salvage::of_file(&self.programs, &self.path, &self.probe, &self.limits)?;
+        if self.counted {
+            salvage = salvage.trusting(damage.frames);
+        }
         if salvage.kept() <= damage.frames {
             return Ok(None);
         }

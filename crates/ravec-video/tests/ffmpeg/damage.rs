@@ -98,3 +98,98 @@ fn a_cut_at_any_place_makes_no_panic_and_no_wrong_frame() {
         }
     }
 }
+
+/// The bytes of a transport stream of `count` frames with two key frames.
+fn transport_stream(folder: &std::path::Path, count: usize) -> Vec<u8> {
+    let format = sink_format(
+        Size::new(96, 64).unwrap(),
+        yuv(Subsampling::S420, 8, false),
+        Rational::new(1, 25).unwrap(),
+    );
+    let numbers: Vec<i64> = (0..count as i64).collect();
+    let path = folder.join("part.ts");
+    let truth = frames(&format, &numbers);
+    write(&path, &format, &options("h264", false), &truth, count).unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+#[test]
+fn joined_streams_give_the_frames_of_both() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let part = transport_stream(folder.path(), 25);
+    let whole = read_all(&mut open(&folder.path().join("part.ts")).unwrap());
+    let joined = folder.path().join("joined.ts");
+    std::fs::write(&joined, [&part[..], &part[..]].concat()).unwrap();
+    let mut source = open(&joined).unwrap();
+    let found = read_all(&mut source);
+    // the container calls the last frame of the first part damaged, and those that wait for it cannot be told apart
+    let damage = source.damage().unwrap().clone();
+    let lost = damage.lost.unwrap() as usize;
+    assert!(lost <= 5 && found.len() + lost == 50, "{damage}");
+    let first = damage.frames as usize;
+    assert_eq!(first + lost, 25);
+    for (found, truth) in found.iter().zip(whole[..first].iter().chain(&whole)) {
+        assert!(found.picture == truth.picture);
+    }
+    assert!(found.is_sorted_by_key(|frame| frame.time.start));
+    source.seek(40).unwrap();
+    assert_eq!(source.next_frame().unwrap().as_ref(), found.get(40));
+}
+
+#[test]
+fn frames_behind_damage_are_whole_and_lost_ones_are_counted() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let part = transport_stream(folder.path(), 25);
+    let whole = read_all(&mut open(&folder.path().join("part.ts")).unwrap());
+    let mut joined = [&part[..], &part[..], &part[..]].concat();
+    // five packets of the second part are gone
+    let packet = 188;
+    let middle = (part.len() + part.len() / 2) / packet * packet;
+    joined.drain(middle..middle + 5 * packet);
+    let path = folder.path().join("joined.ts");
+    std::fs::write(&path, joined).unwrap();
+    let mut source = open(&path).unwrap();
+    let found = read_all(&mut source);
+    let truth: Vec<_> = whole.iter().chain(&whole).chain(&whole).collect();
+    let damage = source.damage().unwrap().clone();
+    // joints cost some frames before them
+    let first = damage.frames as usize;
+    assert!((20..25).contains(&first), "{damage}");
+    for (found, truth) in found.iter().zip(&truth).take(first) {
+        assert!(found.picture == truth.picture);
+    }
+    for (found, truth) in found.iter().rev().zip(truth.iter().rev()).take(25) {
+        assert!(found.picture == truth.picture);
+    }
+    for frame in &found {
+        assert!(whole.iter().any(|truth| truth.picture == frame.picture));
+    }
+    assert!((50..75).contains(&found.len()), "{}: {damage}", found.len());
+    let lost = damage.lost.unwrap() as usize;
+    assert!((74..=75).contains(&(found.len() + lost)), "{damage}");
+}
+
+#[test]
+fn narrow_frames_of_10_bit_are_encoded() {
+    if !has_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (width, height) in [(16, 16), (36, 64), (48, 48), (48, 64), (64, 48)] {
+        let format = sink_format(
+            Size::new(width, height).unwrap(),
+            yuv(Subsampling::S420, 10, false),
+            Rational::new(1, 25).unwrap(),
+        );
+        let truth = frames(&format, &[0, 1, 2, 3, 4, 5, 6, 7]);
+        let path = folder.path().join("narrow.mkv");
+        write(&path, &format, &options("hevc", false), &truth, 8).unwrap();
+        assert_eq!(read_all(&mut open(&path).unwrap()).len(), 8);
+    }
+}
