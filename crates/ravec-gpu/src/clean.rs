@@ -68,7 +68,8 @@ const PARTS: [&str; 5] = [
 
 /// The cleaned pixels of `region`: what [`clean_with`] gives.
 ///
-/// Windows of 4, 8 and 16 pixels a side are computed on the device, others, and what a lost device leaves, on the CPU.
+/// Windows of 4, 8 and 16 pixels a side are computed on the device; others, thin pictures, and what a lost device leaves, on
+/// the CPU.
 ///
 /// # Errors
 /// As [`clean_with`].
@@ -80,7 +81,8 @@ pub fn clean<P: GpuPixel>(
     params: &CleanParams,
     progress: &Progress,
 ) -> Result<Image<LinearRgba>, FilterError> {
-    if !CLEANED_SIDES.contains(&params.window_px) || gpu.is_lost() {
+    let is_thin = image.width().min(image.height()) < CleanStrip::MIN_SIDE;
+    if !CLEANED_SIDES.contains(&params.window_px) || is_thin || gpu.is_lost() {
         return clean_with(image, region, noise, params, progress);
     }
     clean_by(image, region, noise, params, progress, |region| {

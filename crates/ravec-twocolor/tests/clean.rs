@@ -164,3 +164,50 @@ fn the_compression_that_a_file_says_is_believed_if_it_matters() {
         assert_eq!(noise.is_compressed(), matters, "{step}");
     }
 }
+
+#[test]
+fn regions_of_thin_and_of_wide_pictures_have_the_bits_of_the_whole() {
+    let params = CleanParams {
+        noise_sigma: Some(9.0),
+        ..CleanParams::default()
+    };
+    let mut random = Random(7);
+    for size in [
+        [70_000, 1],
+        [1, 5_000],
+        [40_000, 2],
+        [2, 3_000],
+        [40_000, 5],
+        [7, 900],
+    ] {
+        let image = eight_bit(size, |col, row| {
+            std::array::from_fn(|_| wave(col, row) + 9.0 * random.normal())
+        });
+        let of = |region| clean(&image, region, &params, &Progress::none()).unwrap();
+        let whole = of(Rect::of(image.size()));
+        let part = Rect::new(
+            size[0] / 3,
+            size[1] / 3,
+            size[0].div_ceil(2),
+            size[1].div_ceil(2),
+        );
+        let found = of(part);
+        for row in 0..found.height() {
+            for col in 0..found.width() {
+                let expected = whole[(part.col + col, part.row + row)];
+                assert_eq!(found[(col, row)], expected, "{size:?}");
+            }
+        }
+        // and they are cleaned
+        let error = |image: &Image<LinearRgba>| -> f32 {
+            let pixels = image.convert::<Srgb<u8>>();
+            let width = pixels.width();
+            let errors =
+                pixels.pixels().iter().enumerate().map(|(at, pixel)| {
+                    (f32::from(pixel.0[0]) - wave(at % width, at / width)).powi(2)
+                });
+            errors.sum::<f32>() / pixels.pixels().len() as f32
+        };
+        assert!(error(&whole) < 0.6 * 81.0, "{size:?}: {}", error(&whole));
+    }
+}

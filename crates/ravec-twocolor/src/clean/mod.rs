@@ -156,8 +156,31 @@ fn part_of(image: &dyn LinearRows, region: Rect, size: Size) -> Image<LinearRgba
     part
 }
 
-/// Steps 1 to 5 over a region that lies within the image.
+/// Steps 1 to 5 over a region that lies within the image. A thin column is cleaned as a row, because the lanes of vectors run
+/// along rows.
 fn clean_region(
+    image: &dyn LinearRows,
+    region: Rect,
+    noise: &NoiseLevel,
+    params: &CleanParams,
+    progress: &Progress,
+) -> Result<Image<LinearRgba>, FilterError> {
+    let size = image.size();
+    if size.width() >= CleanStrip::MIN_SIDE || size.width() >= size.height() {
+        return clean_rows(image, region, noise, params, progress);
+    }
+    let whole = part_of(image, Rect::of(size), size);
+    let row = Image::from_fn(size.transposed(), |col, row| whole[(row, col)]);
+    drop(whole);
+    let lying = Rect::new(region.row, region.col, region.height, region.width);
+    let cleaned = clean_rows(&row, lying, noise, params, progress)?;
+    Ok(Image::from_fn(cleaned.size().transposed(), |col, row| {
+        cleaned[(row, col)]
+    }))
+}
+
+/// [`clean_region`] by strips of rows.
+fn clean_rows(
     image: &dyn LinearRows,
     region: Rect,
     noise: &NoiseLevel,
@@ -171,30 +194,58 @@ fn clean_region(
     let mut result = Image::new(size, LinearRgba::default());
     let phase = progress.phase("clean", size.height() as u64);
     let strip_rows = strip_rows(size);
-    result
-        .par_strips_mut(strip_rows)
-        .enumerate()
-        .try_for_each_init(StripMemory::default, |memory, (strip, out)| {
-            progress.check()?;
-            let rows = out.len() / region.width;
-            let target = Rect::new(
-                region.col,
-                region.row + strip * strip_rows,
-                region.width,
-                rows,
-            );
-            *memory = dispatch!(level, simd => {
-                let grid = CleanStrip::new(target, side, stride);
-                let mut strip = Strip::read(simd, image, grid, std::mem::take(memory));
-                window::clean_windows(simd, &mut strip, table, noise, progress)?;
-                strip.write(image, out);
-                Ok(strip.into_memory())
-            })?;
-            phase.advance(rows as u64);
-            Ok::<(), Cancelled>(())
+    let clean_part = |target: Rect, memory: &mut StripMemory, out: &mut [LinearRgba]| {
+        progress.check()?;
+        *memory = dispatch!(level, simd => {
+            let grid = CleanStrip::new(target, side, stride).without_repeats(image.size().height());
+            let mut strip = Strip::read(simd, image, grid, std::mem::take(memory));
+            window::clean_windows(simd, &mut strip, table, noise, progress)?;
+            strip.write(image, out);
+            Ok(strip.into_memory())
         })?;
+        Ok::<(), Cancelled>(())
+    };
+    let strips = result.par_strips_mut(strip_rows).enumerate();
+    strips.try_for_each_init(StripMemory::default, |memory, (strip, out)| {
+        let rows = out.len() / region.width;
+        let top = region.row + strip * strip_rows;
+        if region.width <= MAX_STRIP_COLUMNS {
+            let target = Rect::new(region.col, top, region.width, rows);
+            clean_part(target, memory, out)?;
+        } else {
+            let parts: Vec<Rect> = (0..region.width)
+                .step_by(STRIP_COLUMNS)
+                .map(|col| {
+                    let width = STRIP_COLUMNS.min(region.width - col);
+                    Rect::new(region.col + col, top, width, rows)
+                })
+                .collect();
+            let cleaned: Vec<Vec<LinearRgba>> = parts
+                .par_iter()
+                .map_init(StripMemory::default, |memory, &target| {
+                    let mut part = vec![LinearRgba::default(); target.pixels()];
+                    clean_part(target, memory, &mut part)?;
+                    Ok(part)
+                })
+                .collect::<Result<_, Cancelled>>()?;
+            for (target, part) in parts.iter().zip(cleaned) {
+                let left = target.col - region.col;
+                let rows = out.chunks_exact_mut(region.width);
+                for (row, part) in rows.zip(part.chunks_exact(target.width)) {
+                    row[left..][..target.width].copy_from_slice(part);
+                }
+            }
+        }
+        phase.advance(rows as u64);
+        Ok::<(), Cancelled>(())
+    })?;
     Ok(result)
 }
+
+/// Columns above which a strip is cleaned in parts of [`STRIP_COLUMNS`], so that its windows do not take much more memory than
+/// its pixels. Parts cost what windows over their borders cost twice.
+const MAX_STRIP_COLUMNS: usize = 1 << 15;
+const STRIP_COLUMNS: usize = 1 << 13;
 
 /// Rows cleaned by one task, at least and at most. Windows that reach over its border are fitted by both neighbors, so fewer rows cost
 /// more: an eighth at 48 rows and windows of 8.

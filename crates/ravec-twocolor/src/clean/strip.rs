@@ -93,6 +93,19 @@ impl CleanStrip {
         }
     }
 
+    /// Pictures that are thinner than this are cleaned in a way of their own, with work in proportion to their pixels.
+    pub const MIN_SIDE: usize = 8;
+
+    /// The same without the rows of windows that only repeat the first one, because the mirrored image repeats its one or two
+    /// rows below them.
+    pub(super) fn without_repeats(mut self, image_height: usize) -> Self {
+        let repeats = image_height == 1 || (image_height == 2 && self.stride.is_multiple_of(2));
+        if repeats && self.lead[1] + self.target.height <= self.side {
+            self.windows[1] = 1;
+        }
+        self
+    }
+
     /// Columns and rows of the padded strip: all that lies under windows.
     pub fn padded(&self) -> [usize; 2] {
         self.windows
