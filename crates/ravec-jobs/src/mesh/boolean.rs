@@ -459,7 +459,8 @@ fn record(
     let sound = done.solid || is_empty || done.trimmed;
     report.passed = Some(done.passed());
     if !is_empty {
-        report.verdict.solid = Some(done.solid);
+        // an open surface is none by intent
+        report.verdict.solid = (!done.trimmed).then_some(done.solid);
         report.verdict.closed = match (done.solid, done.trimmed) {
             (true, _) => Some(true),
             (_, true) => Some(false),

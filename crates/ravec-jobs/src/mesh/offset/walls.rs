@@ -266,7 +266,8 @@ mod tests {
         // one that reaches into another cannot be told from a cut
         let mesh = cubes(&[(4.0, 0.0, false), (2.0, 3.0, true)]);
         let (left, report) = resolved(&mesh, Inside::Positive);
-        assert!((measure(&left.unwrap()).volume - 63.0).abs() < 1e-9);
+        let volume = measure(&left.unwrap()).volume;
+        assert!((volume - 63.0).abs() < 1e-9, "{volume}");
         assert!(!report.verdict.dropped.is_empty(), "{report:?}");
         let (kept, _) = resolved(&mesh, Inside::Nonzero);
         assert!((measure(&kept.unwrap()).volume - 70.0).abs() < 1e-9);
