@@ -12,7 +12,7 @@ use rustc_hash::FxHashMap;
 
 use super::STRIDE;
 use crate::closing::Closing;
-use crate::params::{DroppedPart, Inside};
+use crate::params::Inside;
 
 /// A part with less volume than this share of a cube with its area is flat: nobody can say what is inside.
 const SOLID_REL: f64 = 1e-6;
@@ -30,9 +30,6 @@ const SAMPLES: u64 = 16;
 /// Largest winding number near a part that is clear of all others and inside out: 0, and what the sum over triangles is off by.
 const MAX_OUTSIDE: f64 = 0.25;
 
-/// Least volume of a part that matters, as a share of that of all parts.
-const NOTABLE_REL: f64 = 1e-6;
-
 /// Findings about the parts of a mesh.
 #[derive(Default)]
 pub(super) struct Parts {
@@ -48,8 +45,6 @@ pub(super) struct Parts {
     pub turn: Vec<bool>,
     /// Other parts that are inside out, the largest first.
     pub left: Vec<Reversed>,
-    /// Those of them that matter and are left out of the result.
-    pub dropped: Vec<DroppedPart>,
     /// `true` if every part is an open sheet.
     pub is_sheet: bool,
 }
@@ -59,9 +54,6 @@ pub(super) struct Parts {
 pub(super) struct Reversed {
     pub volume: f64,
     pub center: DVec3,
-    triangles: u64,
-    first_triangle: u32,
-    is_sheet: bool,
 }
 
 /// Sums over a part.
@@ -319,12 +311,6 @@ impl Survey<'_> {
         for list in [&mut found.turned, &mut found.left] {
             list.sort_by(|a, b| a.volume.total_cmp(&b.volume));
         }
-        if asks_for_directions && !found.is_sheet {
-            let all: f64 = self.parts.iter().map(|part| part.volume.abs()).sum();
-            let matters = |part: &&Reversed| !part.is_sheet && -part.volume > NOTABLE_REL * all;
-            let dropped = found.left.iter().filter(matters);
-            found.dropped = dropped.map(Reversed::dropped).collect();
-        }
         self.turn(&turned, found);
         Ok(())
     }
@@ -349,35 +335,16 @@ impl Survey<'_> {
     /// Findings about the parts with these roots, which ascend.
     fn reversed(&mut self, roots: &[u32]) -> Vec<Reversed> {
         let mut bounds = vec![Aabb::EMPTY; roots.len()];
-        let mut first = vec![u32::MAX; roots.len()];
-        for (index, t) in (0..).zip(self.mesh.triangles()) {
+        for t in self.mesh.triangles() {
             if let Ok(at) = roots.binary_search(&self.group.root(t[0])) {
-                first[at] = first[at].min(index);
                 bounds[at] = bounds[at].union(Aabb::around(self.corners(*t)));
             }
         }
-        let list = roots.iter().zip(bounds).zip(first);
-        list.map(|((&own, bounds), first_triangle)| {
-            let part = &self.parts[own as usize];
-            Reversed {
-                volume: part.volume,
-                center: bounds.center(),
-                triangles: part.triangles,
-                first_triangle,
-                is_sheet: part.is_sheet(),
-            }
+        let list = roots.iter().zip(bounds);
+        list.map(|(&own, bounds)| Reversed {
+            volume: self.parts[own as usize].volume,
+            center: bounds.center(),
         })
         .collect()
-    }
-}
-
-impl Reversed {
-    fn dropped(&self) -> DroppedPart {
-        DroppedPart {
-            volume: self.volume,
-            triangles: self.triangles,
-            first_triangle: self.first_triangle,
-            center: self.center.to_array(),
-        }
     }
 }
