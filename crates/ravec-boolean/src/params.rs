@@ -109,6 +109,10 @@ pub struct DroppedPart {
 }
 
 /// Findings about an input mesh.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent findings of a report"
+)]
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OperandReport {

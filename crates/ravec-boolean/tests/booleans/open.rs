@@ -190,7 +190,7 @@ fn a_relief_on_a_base_is_a_solid_that_can_be_cut() {
     };
     let terrain = terrain();
     let bounds = terrain.bounds();
-    let whole = run_with(&[terrain.clone()], &Expr::Mesh(0), &base);
+    let whole = run_with(std::slice::from_ref(&terrain), &Expr::Mesh(0), &base);
     assert_sound(&whole);
     assert!(whole.report.passed());
     let level = bounds.min.z - 0.02 * bounds.diagonal();
@@ -285,7 +285,7 @@ fn posts_of_a_bed_that_are_inside_out_are_kept_or_named() {
     // with a quarter of their section in the bed
     let deep = joined(&[vec![bed], posts(0.0, 0.5, 3.0)].concat());
     for mesh in [below, deep] {
-        let result = run(&[mesh.clone()], &Expr::Mesh(0));
+        let result = run(std::slice::from_ref(&mesh), &Expr::Mesh(0));
         let operand = &result.report.operands[0];
         if result.report.passed() {
             assert_eq!(operand.turned_parts, 4);
