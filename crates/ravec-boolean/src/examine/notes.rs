@@ -46,12 +46,6 @@ pub(super) fn assumptions(closing: &Closing, parts: &Parts, cancelled: u64) -> V
             ));
         }
     }
-    if closing.based_loops > 0 {
-        notes.push(format!(
-            "it was put on a flat base {} below its lowest point",
-            short(closing.base_thickness)
-        ));
-    }
     if closing.multiple_edges > 0 {
         notes.push(format!(
             "{} more than two triangles: a place counts as often as the triangles go around it",
