@@ -20,7 +20,7 @@ use crate::params::{
 use crate::repair::{repair, round_to};
 use crate::select::{Draft, Parent, select};
 use crate::separate::{Separated, separate};
-use doubts::{doubt, doubt_empty};
+use doubts::{doubt, doubt_dropped, doubt_empty};
 use inputs::{Inputs, prepare};
 use rule::Rule;
 use sheets::{sheets_to_trim, trim_sheets};
@@ -210,7 +210,9 @@ fn combine(
             let cells = Cells::of(&pieces, &tree, hulls, progress)?;
             let rule = Rule::new(&cells, inputs.meshes.len(), params.inside);
             if std::mem::take(&mut is_first) {
-                doubt_empty(&rule, &expr.meshes(), report);
+                let meshes = expr.meshes();
+                doubt_empty(&rule, &meshes, report);
+                doubt_dropped(&rule, &pieces, &meshes, report);
             }
             let inside: Vec<bool> = (0..cells.len() as u32)
                 .map(|cell| expr.eval(&|mesh| rule.holds(mesh, cell)))

@@ -46,10 +46,6 @@ pub(crate) struct Closing {
     pub added: Vec<DVec3>,
     /// `true` if the mesh was to be put on a base and is none that can be: then nothing was closed.
     pub is_no_relief: bool,
-    /// Loops of the boundary that were put on a base.
-    pub based_loops: u64,
-    /// Depth of that below the lowest point of the mesh.
-    pub base_thickness: f64,
     /// `true` if vertices of the boundary are at one place with others.
     pub is_split: bool,
     /// `true` if the mesh has no boundary itself.
@@ -113,8 +109,6 @@ pub(crate) fn close(
     if close == CloseRule::Base && !loops.is_empty() {
         closing.is_no_relief = !is_relief(mesh);
         if !closing.is_no_relief {
-            closing.based_loops = loops.len() as u64;
-            closing.base_thickness = mesh.bounds().min.z - base_level(mesh);
             put_on_base(mesh, &loops, &mut closing.triangles, &mut closing.added);
         }
         return Ok(closing);

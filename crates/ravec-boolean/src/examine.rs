@@ -11,8 +11,10 @@ use rustc_hash::FxHashMap;
 
 use crate::closing::Closing;
 use crate::params::{Inside, OperandReport};
-use notes::{assumptions, doubt_about};
+use notes::assumptions;
 use parts::parts;
+
+pub(crate) use notes::{counted, place, short};
 
 /// Triangles between two checks for cancellation: some milliseconds.
 const STRIDE: usize = 1 << 16;
@@ -49,8 +51,6 @@ pub(crate) fn examine(
         sheet: parts.is_sheet,
         volume: parts.volume,
         assumptions: assumptions(closing, &parts, cancelled),
-        doubts: doubt_about(&parts.dropped).into_iter().collect(),
-        dropped_parts: parts.dropped,
         ..OperandReport::default()
     };
     Ok(Examined {

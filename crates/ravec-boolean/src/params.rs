@@ -106,21 +106,21 @@ pub struct Origin {
     pub whole: bool,
 }
 
-/// A part of a mesh that is inside out and was left as it is.
+/// Places that a mesh goes around clockwise, and that are therefore outside: a part of it that is inside out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DroppedPart {
-    /// Its volume, which is negative.
+    /// Their volume.
     pub volume: f64,
-    /// Number of its triangles.
-    pub triangles: u64,
-    /// Index of the first of them in the mesh.
-    pub first_triangle: u32,
-    /// Center of its bounding box.
+    /// Center of their bounding box.
     pub center: [f64; 3],
 }
 
 /// Findings about an input mesh.
+#[expect(
+    clippy::struct_excessive_bools,
+    reason = "independent findings of a report"
+)]
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct OperandReport {
@@ -140,7 +140,8 @@ pub struct OperandReport {
     pub reversed_parts: u64,
     /// Connected parts of it that were turned since they are inside out: all of them, or those clear of all others.
     pub turned_parts: u64,
-    /// The other parts that are inside out, the largest first: what only they go around counts as outside.
+    /// Notable places that it goes around clockwise, the largest first: they count as outside under [`Inside::Positive`], and the
+    /// mesh goes around them since other parts are inside out.
     pub dropped_parts: Vec<DroppedPart>,
     /// `true` if it is an open sheet: thin, with a boundary, and covered once more by what closes it.
     pub sheet: bool,

@@ -1,7 +1,15 @@
 //! Reasons why a result is probably not what was meant.
 
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use ravec_mesh::Aabb;
+use rustc_hash::FxHashMap;
+
 use super::rule::Rule;
-use crate::params::{BooleanReport, CloseRule};
+use crate::arrangement::{Pieces, Side};
+use crate::examine::{counted, place, short};
+use crate::params::{BooleanReport, CloseRule, DroppedPart, Inside};
 
 /// Says for which meshes no place is inside.
 pub(super) fn doubt_empty(rule: &Rule, meshes: &[usize], report: &mut BooleanReport) {
@@ -18,6 +26,101 @@ pub(super) fn doubt_empty(rule: &Rule, meshes: &[usize], report: &mut BooleanRep
             operand.doubts.push(doubt);
         }
     }
+}
+
+/// Volume of places that are left out, as a share of that of their mesh, from which on they are notable: less than a screw in a
+/// machine, more than where a scan folds over.
+const NOTABLE_REL: f64 = 1e-4;
+
+/// Number of places that are named one by one.
+const MAX_NAMED: usize = 4;
+
+/// Says which places meshes go around clockwise, if they are left out for that.
+pub(super) fn doubt_dropped(
+    rule: &Rule,
+    pieces: &Pieces,
+    meshes: &[usize],
+    report: &mut BooleanReport,
+) {
+    if rule.inside != Inside::Positive {
+        return;
+    }
+    for &mesh in meshes {
+        let is_negative = |cell: u32| rule.cells.winding(cell)[mesh] < 0;
+        if !(0..rule.cells.len() as u32).any(is_negative) {
+            continue;
+        }
+        let operand = &mut report.operands[mesh];
+        let mut dropped = enclosed(rule, pieces, is_negative);
+        let all = operand.volume.abs();
+        dropped.retain(|part| part.volume > NOTABLE_REL * all);
+        if dropped.is_empty() {
+            continue;
+        }
+        let named = dropped.iter().take(MAX_NAMED).map(|part| {
+            let center = place(DVec3::from_array(part.center));
+            format!("a volume of {} near {center}", short(part.volume))
+        });
+        let named: Vec<String> = named.collect();
+        let more = match dropped.len().saturating_sub(MAX_NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        operand.doubts.push(format!(
+            "{} of it {} inside out and left out ({}{more}): turn such parts, or set `inside` to nonzero or outer-hull",
+            counted(dropped.len() as u64, "part", "parts"),
+            if dropped.len() == 1 { "is" } else { "are" },
+            named.join(", ")
+        ));
+        operand.dropped_parts = dropped;
+    }
+}
+
+/// Sums over a cell.
+struct Sums {
+    origin: DVec3,
+    volume: f64,
+    bounds: Aabb,
+}
+
+/// The cells for which `asked` is true, the largest first.
+fn enclosed(rule: &Rule, pieces: &Pieces, asked: impl Fn(u32) -> bool) -> Vec<DroppedPart> {
+    let mut cells: FxHashMap<u32, Sums> = FxHashMap::default();
+    for piece in pieces.all() {
+        for (side, sign) in [(Side::Front, -1.0), (Side::Back, 1.0)] {
+            let Some(cell) = rule.cells.cell(piece, side).filter(|&cell| asked(cell)) else {
+                continue;
+            };
+            let corners = pieces
+                .corners(piece)
+                .map(|name| pieces.places.rounded(name));
+            let sums = cells.entry(cell).or_insert_with(|| Sums {
+                origin: corners[0],
+                volume: 0.0,
+                bounds: Aabb::EMPTY,
+            });
+            let [a, b, c] = corners.map(|p| p - sums.origin);
+            sums.volume += sign * a.dot(b.cross(c)) / 6.0;
+            sums.bounds = sums.bounds.union(Aabb::around(corners));
+        }
+    }
+    let mut parts: Vec<DroppedPart> = cells
+        .into_values()
+        .map(|sums| DroppedPart {
+            volume: sums.volume,
+            center: sums.bounds.center().to_array(),
+        })
+        .collect();
+    parts.sort_by(|a, b| {
+        let centers = || a.center.iter().zip(b.center).map(|(x, y)| x.total_cmp(&y));
+        let by_volume = b.volume.total_cmp(&a.volume);
+        by_volume.then_with(|| {
+            centers()
+                .find(|order| order.is_ne())
+                .unwrap_or(Ordering::Equal)
+        })
+    });
+    parts
 }
 
 /// What to do about a sheet that has to be a solid.

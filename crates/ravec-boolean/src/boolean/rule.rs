@@ -6,7 +6,7 @@ use crate::params::Inside;
 /// The places inside each mesh, cell by cell.
 pub(super) struct Rule<'a> {
     pub cells: &'a Cells,
-    inside: Inside,
+    pub inside: Inside,
     /// For each mesh the cells that it cuts off from the outside, where that counts.
     hulls: Vec<Vec<bool>>,
 }

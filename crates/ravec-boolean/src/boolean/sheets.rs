@@ -5,7 +5,7 @@
 
 use ravec_progress::Progress;
 
-use super::doubts::doubt_empty;
+use super::doubts::{doubt_dropped, doubt_empty};
 use super::inputs::Inputs;
 use super::rule::Rule;
 use super::{Surface, count_contacts, finished, within_memory};
@@ -89,6 +89,7 @@ pub(super) fn trim_sheets(
             .filter(|m| !sheets.contains(m))
             .collect();
         doubt_empty(&rule, &solids, report);
+        doubt_dropped(&rule, &pieces, &solids, report);
         let stays = |own: u32, sides: [u32; 2]| {
             expr.eval(&|mesh| {
                 mesh == own as usize

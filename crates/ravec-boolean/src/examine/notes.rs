@@ -4,7 +4,6 @@ use glam::DVec3;
 
 use super::parts::Parts;
 use crate::closing::Closing;
-use crate::params::DroppedPart;
 
 /// Assumptions, as sentences without a stop.
 pub(super) fn assumptions(closing: &Closing, parts: &Parts, cancelled: u64) -> Vec<String> {
@@ -46,12 +45,6 @@ pub(super) fn assumptions(closing: &Closing, parts: &Parts, cancelled: u64) -> V
                 place(widest.center)
             ));
         }
-    }
-    if closing.based_loops > 0 {
-        notes.push(format!(
-            "it was put on a flat base {} below its lowest point",
-            short(closing.base_thickness)
-        ));
     }
     if closing.multiple_edges > 0 {
         notes.push(format!(
@@ -118,41 +111,12 @@ pub(super) fn assumptions(closing: &Closing, parts: &Parts, cancelled: u64) -> V
     notes
 }
 
-/// Number of dropped parts that are named one by one.
-const MAX_NAMED: usize = 4;
-
-/// Why what parts say about a mesh is probably not what was meant.
-pub(super) fn doubt_about(dropped: &[DroppedPart]) -> Option<String> {
-    let named: Vec<String> = dropped
-        .iter()
-        .take(MAX_NAMED)
-        .map(|part| {
-            let center = place(DVec3::from_array(part.center));
-            format!("volume {} near {center}", short(-part.volume))
-        })
-        .collect();
-    let more = match dropped.len().saturating_sub(MAX_NAMED) {
-        0 => String::new(),
-        more => format!(" and {more} more"),
-    };
-    let count = dropped.len() as u64;
-    (count > 0).then(|| {
-        format!(
-            "{} inside out and overlap{} others: {} left out ({}{more}); turn such parts, or set `inside` to outer-hull or nonzero",
-            being(count, "part", "parts"),
-            if count == 1 { "s" } else { "" },
-            if count == 1 { "it was" } else { "they were" },
-            named.join("; ")
-        )
-    })
-}
-
 fn being(count: u64, one: &str, many: &str) -> String {
     let verb = if count == 1 { "is" } else { "are" };
     format!("{} {verb}", counted(count, one, many))
 }
 
-fn counted(count: u64, one: &str, many: &str) -> String {
+pub(crate) fn counted(count: u64, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }
 
@@ -161,12 +125,12 @@ fn having(count: u64, one: &str, many: &str) -> String {
     format!("{} {verb}", counted(count, one, many))
 }
 
-fn place(at: DVec3) -> String {
+pub(crate) fn place(at: DVec3) -> String {
     format!("({}, {}, {})", short(at.x), short(at.y), short(at.z))
 }
 
 /// A number with four digits.
-pub(super) fn short(x: f64) -> String {
+pub(crate) fn short(x: f64) -> String {
     if x == 0.0 || !(1e-3..1e5).contains(&x.abs()) {
         return if x == 0.0 {
             "0".to_owned()

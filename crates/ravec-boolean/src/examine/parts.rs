@@ -5,14 +5,17 @@
 //! parts with their cavities, the mesh as a whole is inside out.
 
 use glam::DVec3;
-use ravec_mesh::{Aabb, Bvh, OrientedPlane, TriMesh, WindingNumbers};
+use ravec_mesh::{
+    Aabb, BoxTree, Bvh, OrientedPlane, TriMesh, WindingNumbers, for_each_self_intersection,
+};
 use ravec_numeric::DisjointSets;
 use ravec_progress::{Cancelled, Progress};
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
+use std::sync::{Mutex, PoisonError};
 
 use super::STRIDE;
 use crate::closing::Closing;
-use crate::params::{DroppedPart, Inside};
+use crate::params::Inside;
 
 /// A part with less volume than this share of a cube with its area is flat: nobody can say what is inside.
 const SOLID_REL: f64 = 1e-6;
@@ -30,9 +33,6 @@ const SAMPLES: u64 = 16;
 /// Largest winding number near a part that is clear of all others and inside out: 0, and what the sum over triangles is off by.
 const MAX_OUTSIDE: f64 = 0.25;
 
-/// Least volume of a part that matters, as a share of that of all parts.
-const NOTABLE_REL: f64 = 1e-6;
-
 /// Findings about the parts of a mesh.
 #[derive(Default)]
 pub(super) struct Parts {
@@ -48,8 +48,6 @@ pub(super) struct Parts {
     pub turn: Vec<bool>,
     /// Other parts that are inside out, the largest first.
     pub left: Vec<Reversed>,
-    /// Those of them that matter and are left out of the result.
-    pub dropped: Vec<DroppedPart>,
     /// `true` if every part is an open sheet.
     pub is_sheet: bool,
 }
@@ -59,9 +57,6 @@ pub(super) struct Parts {
 pub(super) struct Reversed {
     pub volume: f64,
     pub center: DVec3,
-    triangles: u64,
-    first_triangle: u32,
-    is_sheet: bool,
 }
 
 /// Sums over a part.
@@ -279,13 +274,14 @@ impl Survey<'_> {
             let below = samples.iter().filter(|sides| sides[0] + sides[1] < 0.0);
             2 * below.count() > samples.len()
         };
-        let is_clear = |samples: &Vec<[f64; 2]>| {
+        let meets_others = self.roots_that_meet(&BoxTree::try_new(&closed, progress)?, progress)?;
+        let is_clear = |own: u32, samples: &Vec<[f64; 2]>| {
             let largest = samples
                 .iter()
                 .flatten()
                 .copied()
                 .fold(f64::NEG_INFINITY, f64::max);
-            largest < MAX_OUTSIDE
+            largest < MAX_OUTSIDE && !meets_others.contains(&own)
         };
         let mut samples = self.sampled(&winding, Part::is_negative, progress)?;
         samples.retain(|_, samples| is_outside(samples));
@@ -299,7 +295,7 @@ impl Survey<'_> {
         found.is_all_turned =
             asks_for_directions && !found.is_sheet && others.values().all(is_outside);
         let turns = |(own, samples): (&u32, &Vec<[f64; 2]>)| {
-            let is_turned = found.is_all_turned || (is_clear(samples) && !is_sheet(*own));
+            let is_turned = found.is_all_turned || (is_clear(*own, samples) && !is_sheet(*own));
             (asks_for_directions && is_turned).then_some(*own)
         };
         let mut turned: Vec<u32> = samples.iter().filter_map(turns).collect();
@@ -319,14 +315,30 @@ impl Survey<'_> {
         for list in [&mut found.turned, &mut found.left] {
             list.sort_by(|a, b| a.volume.total_cmp(&b.volume));
         }
-        if asks_for_directions && !found.is_sheet {
-            let all: f64 = self.parts.iter().map(|part| part.volume.abs()).sum();
-            let matters = |part: &&Reversed| !part.is_sheet && -part.volume > NOTABLE_REL * all;
-            let dropped = found.left.iter().filter(matters);
-            found.dropped = dropped.map(Reversed::dropped).collect();
-        }
         self.turn(&turned, found);
         Ok(())
+    }
+
+    /// The roots of parts that meet other parts, by exact tests of their triangles.
+    fn roots_that_meet(
+        &mut self,
+        closed: &BoxTree,
+        progress: &Progress,
+    ) -> Result<FxHashSet<u32>, Cancelled> {
+        let group = &mut self.group;
+        let own: Vec<u32> = all_of(self.mesh, self.closing)
+            .map(|t| group.root(t[0]))
+            .collect();
+        let found = Mutex::new(FxHashSet::default());
+        for_each_self_intersection(closed, progress, |pair| {
+            let roots = [pair.first, pair.second].map(|t| own[t as usize]);
+            if roots[0] != roots[1] {
+                // a set is valid wherever another thread stopped
+                let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
+                found.extend(roots);
+            }
+        })?;
+        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Marks the triangles of parts that are turned: of all of the mesh, or of those with these roots.
@@ -349,35 +361,16 @@ impl Survey<'_> {
     /// Findings about the parts with these roots, which ascend.
     fn reversed(&mut self, roots: &[u32]) -> Vec<Reversed> {
         let mut bounds = vec![Aabb::EMPTY; roots.len()];
-        let mut first = vec![u32::MAX; roots.len()];
-        for (index, t) in (0..).zip(self.mesh.triangles()) {
+        for t in self.mesh.triangles() {
             if let Ok(at) = roots.binary_search(&self.group.root(t[0])) {
-                first[at] = first[at].min(index);
                 bounds[at] = bounds[at].union(Aabb::around(self.corners(*t)));
             }
         }
-        let list = roots.iter().zip(bounds).zip(first);
-        list.map(|((&own, bounds), first_triangle)| {
-            let part = &self.parts[own as usize];
-            Reversed {
-                volume: part.volume,
-                center: bounds.center(),
-                triangles: part.triangles,
-                first_triangle,
-                is_sheet: part.is_sheet(),
-            }
+        let list = roots.iter().zip(bounds);
+        list.map(|(&own, bounds)| Reversed {
+            volume: self.parts[own as usize].volume,
+            center: bounds.center(),
         })
         .collect()
-    }
-}
-
-impl Reversed {
-    fn dropped(&self) -> DroppedPart {
-        DroppedPart {
-            volume: self.volume,
-            triangles: self.triangles,
-            first_triangle: self.first_triangle,
-            center: self.center.to_array(),
-        }
     }
 }

@@ -190,7 +190,7 @@ fn a_relief_on_a_base_is_a_solid_that_can_be_cut() {
     };
     let terrain = terrain();
     let bounds = terrain.bounds();
-    let whole = run_with(&[terrain.clone()], &Expr::Mesh(0), &base);
+    let whole = run_with(std::slice::from_ref(&terrain), &Expr::Mesh(0), &base);
     assert_sound(&whole);
     assert!(whole.report.passed());
     let level = bounds.min.z - 0.02 * bounds.diagonal();
@@ -229,6 +229,90 @@ fn a_tool_that_is_inside_out_cuts() {
     assert!(result.origins.iter().all(|o| !o.reversed));
     let alone = run(&[tool], &Expr::Mesh(0));
     assert!(alone.origins.iter().all(|o| o.reversed && o.whole));
+}
+
+/// Meshes as one.
+fn joined(parts: &[TriMesh]) -> TriMesh {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for part in parts {
+        let start = positions.len() as u32;
+        positions.extend_from_slice(part.positions());
+        triangles.extend(part.triangles().iter().map(|t| t.map(|v| v + start)));
+    }
+    TriMesh::new(positions, triangles).unwrap()
+}
+
+/// The same over vertices of which no two are at one place.
+fn welded(mesh: &TriMesh) -> TriMesh {
+    let mut first = std::collections::HashMap::new();
+    let names: Vec<u32> = (0..)
+        .zip(mesh.positions())
+        .map(|(v, p)| *first.entry(p.to_array().map(f64::to_bits)).or_insert(v))
+        .collect();
+    let triangles = mesh
+        .triangles()
+        .iter()
+        .map(|t| t.map(|v| names[v as usize]));
+    TriMesh::new(mesh.positions().to_vec(), triangles.collect()).unwrap()
+}
+
+#[test]
+fn posts_of_a_bed_that_are_inside_out_are_kept_or_named() {
+    let bed = cuboid(DVec3::new(0.0, 0.0, 1.0), DVec3::new(10.0, 6.0, 2.0));
+    let posts = |corner: f64, lo: f64, hi: f64| -> Vec<TriMesh> {
+        let places = [
+            [-corner, -corner],
+            [9.0 + corner, -corner],
+            [-corner, 5.0 + corner],
+            [9.0 + corner, 5.0 + corner],
+        ];
+        let post = |[x, y]: [f64; 2]| {
+            turned(&cuboid(
+                DVec3::new(x, y, lo),
+                DVec3::new(x + 1.0, y + 1.0, hi),
+            ))
+        };
+        places.map(post).into()
+    };
+    let beside = joined(&[vec![bed.clone()], posts(2.0, -1.0, 4.0)].concat());
+    let result = run(&[beside], &Expr::Mesh(0));
+    assert_sound(&result);
+    assert_eq!((result.report.volume, result.report.passed()), (80.0, true));
+    // below the corners, and welded, so that each has a vertex of the bed
+    let below = welded(&joined(
+        &[vec![bed.clone()], posts(0.0, -1.0, 1.0)].concat(),
+    ));
+    // with a quarter of their section in the bed
+    let deep = joined(&[vec![bed], posts(0.0, 0.5, 3.0)].concat());
+    for mesh in [below, deep] {
+        let result = run(std::slice::from_ref(&mesh), &Expr::Mesh(0));
+        let operand = &result.report.operands[0];
+        if result.report.passed() {
+            assert_eq!(operand.turned_parts, 4);
+            continue;
+        }
+        assert_eq!(operand.dropped_parts.len() % 4, 0);
+        let dropped: f64 = operand.dropped_parts.iter().map(|part| part.volume).sum();
+        assert!(
+            (dropped - 8.0).abs() < 1e-9 || (dropped - 6.0).abs() < 1e-9,
+            "{dropped}"
+        );
+        assert!(
+            operand.doubts[0].contains("inside out and left out (a volume of"),
+            "{:?}",
+            operand.doubts
+        );
+        let hull = BooleanParams {
+            inside: Inside::OuterHull,
+            ..BooleanParams::default()
+        };
+        let result = run_with(&[mesh], &Expr::Mesh(0), &hull);
+        assert!(result.report.passed());
+        assert!(
+            (result.report.volume - 68.0).abs() < 1e-9
+                || (result.report.volume - 66.0).abs() < 1e-9
+        );
+    }
 }
 
 #[test]

@@ -71,7 +71,7 @@ Examples:
   ravec boolean 'part - drill' part=part.stl drill=other.ply -o drilled.3mf
   ravec boolean union part.stl other.ply -o hull.ply --inside outer-hull --json -
   ravec boolean a-b part.stl other.ply -o moved.ply --place b:0,0,0.5,90,0,0
-  ravec boolean union terrain.stl -o model.stl --close base
+  ravec boolean union sheet.stl -o relief.stl --close base
 
 Names are letters, digits and underscores. & comes before the other operators, which go from left to right: a | b - c & d is \
 (a | b) - (c & d). A file that the expression does not name is not read.
