@@ -85,7 +85,7 @@ pub use paths::{
     read_mesh_file_with, write_mesh_file, write_mesh_file_with, write_rows_file,
 };
 pub use read::{
-    BufferResolver, MeshFile, MeshLimits, ReadOptions, ReadWarning, read_mesh,
+    BufferResolver, MeshFile, MeshLimits, MeshObject, ReadOptions, ReadWarning, read_mesh,
     read_mesh_with_buffers,
 };
 pub use write::{Attributes, Precision, WriteOptions, write_mesh, write_mesh_with, write_rows};
