@@ -2,7 +2,6 @@
 
 use std::fmt;
 use std::io::{self, Read};
-use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -10,6 +9,7 @@ use ravec_memory::{MemoryBudget, Reservation};
 use ravec_progress::Progress;
 
 use crate::error::ReadMeshError;
+use crate::objects::MeshObject;
 use crate::source::Source;
 use crate::{LengthUnit, MeshFormat, gltf, obj, off, ply, sniff, stl, threemf};
 use ravec_mesh::TriMesh;
@@ -90,17 +90,6 @@ pub struct MeshFile {
     /// Differences from the file, each at most once.
     pub warnings: Vec<ReadWarning>,
     pub(super) memory: MeshMemory,
-}
-
-/// An object of a file that holds several.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct MeshObject {
-    /// Its name, perhaps empty.
-    pub name: String,
-    /// Its triangles in the mesh. No two objects share vertices.
-    pub triangles: Range<usize>,
-    /// The triangles of its negative volumes in [`MeshFile::negative`].
-    pub negative: Range<usize>,
 }
 
 impl MeshFile {

@@ -61,11 +61,14 @@ impl LeftOut {
             volumes: group.count,
             names: group.names,
         });
-        let groups = self.groups.into_iter().map(|group| ReadWarning::NotPrinted {
-            what: group.what,
-            count: group.count,
-            names: group.names,
-        });
+        let groups = self
+            .groups
+            .into_iter()
+            .map(|group| ReadWarning::NotPrinted {
+                what: group.what,
+                count: group.count,
+                names: group.names,
+            });
         groups.chain(negative)
     }
 }

@@ -214,8 +214,12 @@ impl Settings {
             if let Ok(at) = self.names.binary_search_by_key(&object.id, |(id, _)| *id) {
                 object.name.clone_from(&self.names[at].1);
             }
-            let begin = self.volumes.partition_point(|volume| volume.object < object.id);
-            let end = self.volumes.partition_point(|volume| volume.object <= object.id);
+            let begin = self
+                .volumes
+                .partition_point(|volume| volume.object < object.id);
+            let end = self
+                .volumes
+                .partition_point(|volume| volume.object <= object.id);
             let volumes = &self.volumes[begin..end];
             if volumes.is_empty() {
                 continue;
@@ -231,7 +235,11 @@ impl Settings {
                     of: "object",
                     index: u64::from(object.id),
                 };
-                return Err(ReadMeshError::syntax(crate::MeshFormat::ThreeMf, place, what));
+                return Err(ReadMeshError::syntax(
+                    crate::MeshFormat::ThreeMf,
+                    place,
+                    what,
+                ));
             };
             object.components.push(Use {
                 part: 0,
@@ -294,7 +302,8 @@ fn split(
     let triangles = object.triangles.len() as u64;
     for volume in volumes {
         match (volume.which, volume.role) {
-            (Which::Triangles(first, last), _) if first > last || u64::from(first) >= triangles => {}
+            (Which::Triangles(first, last), _) if first > last || u64::from(first) >= triangles => {
+            }
             (_, Role::Part) => {}
             (_, Role::Negative) => left_out.add_negative(&volume.name),
             (_, Role::Auxiliary(what)) => left_out.add(what, &volume.name),
