@@ -30,7 +30,7 @@
 //! | PLY | binary of both byte orders and ASCII, polygons and triangle strips, as a stream | little-endian or ASCII, 64-bit floats where 32 bits would lose something |
 //! | OBJ | polygons, relative indices, continued lines, as a stream | all digits |
 //! | OFF | with the prefixes `ST`, `C`, `N`, as a stream | all digits |
-//! | 3MF | meshes, components, build items and their transforms, in one or several parts | one object, all digits |
+//! | 3MF | meshes, components, build items and their transforms, in one or several parts | one object, or those that are named ([`Attributes::objects`]), all digits |
 //! | glTF | `.glb` and `.gltf`, node transforms, triangle lists, strips and fans, sparse and quantized positions | 32-bit floats |
 //!
 //! Normals, texture coordinates, materials and colors are left out, and [`MeshFile::warnings`] says so; only the colors of
@@ -66,6 +66,7 @@ mod format;
 mod gltf;
 mod number;
 mod obj;
+mod objects;
 mod off;
 mod paths;
 mod ply;
@@ -80,6 +81,7 @@ mod write;
 
 pub use error::{Place, ReadMeshError, WriteMeshError};
 pub use format::{LengthUnit, MeshFormat};
+pub use objects::{MeshObject, part_of};
 pub use paths::{
     MeshTarget, ReadMeshFileError, UnknownMeshExtension, WriteMeshFileError, read_mesh_file,
     read_mesh_file_with, write_mesh_file, write_mesh_file_with, write_rows_file,

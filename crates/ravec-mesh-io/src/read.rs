@@ -9,6 +9,7 @@ use ravec_memory::{MemoryBudget, Reservation};
 use ravec_progress::Progress;
 
 use crate::error::ReadMeshError;
+use crate::objects::MeshObject;
 use crate::source::Source;
 use crate::{LengthUnit, MeshFormat, gltf, obj, off, ply, sniff, stl, threemf};
 use ravec_mesh::TriMesh;
@@ -80,6 +81,12 @@ pub struct MeshFile {
     /// Texture coordinates of the corners of each triangle, if they were requested and are there, else none at all: to the
     /// right and up in the picture, which reaches from 0 to 1; NaN at corners without.
     pub texture: Vec<[DVec2; 3]>,
+    /// The objects of a 3MF file, one for each item that is built, in their order; none for other formats. Those of a mesh that
+    /// was welded while it was read are one.
+    pub objects: Vec<MeshObject>,
+    /// Negative volumes of a 3MF file, in units of the file: solids to be subtracted from the objects, whose
+    /// [`MeshObject::negative`] names their triangles. The mesh is as if there were none.
+    pub negative: TriMesh,
     /// Differences from the file, each at most once.
     pub warnings: Vec<ReadWarning>,
     pub(super) memory: MeshMemory,
@@ -94,6 +101,8 @@ impl MeshFile {
             unit: None,
             colors: Vec::new(),
             texture: Vec::new(),
+            objects: Vec::new(),
+            negative: TriMesh::default(),
             warnings: Vec::new(),
             memory: MeshMemory::default(),
         }
@@ -111,6 +120,11 @@ impl MeshMemory {
         Self {
             reservations: vec![Arc::new(reservation)],
         }
+    }
+
+    /// Keeps all that `other` keeps.
+    pub(super) fn absorb_all(&mut self, other: Self) {
+        self.reservations.extend(other.reservations);
     }
 
     /// Keeps `more` as well.
@@ -159,6 +173,24 @@ pub enum ReadWarning {
     MoreBehindTheEnd,
     /// A text file lacks the line that ends it, perhaps because it was cut off there.
     NoEnd,
+    /// Parts of a 3MF file that are not printed were left out.
+    NotPrinted {
+        /// Kind of the parts, in the singular.
+        what: &'static str,
+        /// Number of parts.
+        count: u64,
+        /// The first names of them.
+        names: Vec<String>,
+    },
+    /// Negative volumes of a 3MF file are not in the mesh, but in [`MeshFile::negative`].
+    NegativeVolumes {
+        /// Number of volumes.
+        volumes: u64,
+        /// The first names of them.
+        names: Vec<String>,
+    },
+    /// The settings of a slicer in a 3MF file could not be read.
+    UnreadableSettings,
     /// There is no triangle in the mesh.
     NoTriangles,
 }
@@ -187,7 +219,36 @@ impl fmt::Display for ReadWarning {
             Self::NoEnd => {
                 f.write_str("the file lacks its last line; it may be cut off between two triangles")
             }
+            Self::NotPrinted { what, count, names } => {
+                write!(f, "left out {}", Counted { what, count: *count, names })
+            }
+            Self::NegativeVolumes { volumes, names } => {
+                let counted = Counted { what: "negative volume", count: *volumes, names };
+                write!(f, "kept {counted} apart from the mesh, to be subtracted from it")
+            }
+            Self::UnreadableSettings => f.write_str(
+                "the settings of the slicer cannot be read: its modifiers and negative volumes are solid here; save the file again",
+            ),
             Self::NoTriangles => f.write_str("the mesh has no triangles"),
+        }
+    }
+}
+
+/// Things of a kind with their number and the first names.
+pub(super) struct Counted<'a> {
+    what: &'a str,
+    count: u64,
+    names: &'a [String],
+}
+
+impl fmt::Display for Counted<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { what, count, names } = self;
+        let plural = if *count == 1 { "" } else { "s" };
+        write!(f, "{count} {what}{plural}")?;
+        match names {
+            [] => Ok(()),
+            names => write!(f, " ({})", names.join(", ")),
         }
     }
 }
@@ -259,6 +320,13 @@ fn read_dyn(
         let (welded, memory) =
             weld_within(&file.mesh, tolerance, &options.limits.memory, progress)?;
         file.mesh = welded.mesh;
+        if !file.objects.is_empty() {
+            file.objects = vec![MeshObject {
+                name: String::new(),
+                triangles: 0..file.mesh.triangles().len(),
+                negative: 0..file.negative.triangles().len(),
+            }];
+        }
         file.memory = MeshMemory::new(memory);
         if !std::mem::take(&mut file.colors).is_empty() {
             file.warnings.push(ReadWarning::Ignored { what: "colors" });

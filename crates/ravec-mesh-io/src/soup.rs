@@ -427,6 +427,8 @@ pub(super) fn mesh_file(
         unit,
         colors: Vec::new(),
         texture: Vec::new(),
+        objects: Vec::new(),
+        negative: TriMesh::default(),
         warnings,
         memory: MeshMemory::new(memory),
     })

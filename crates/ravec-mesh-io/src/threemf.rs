@@ -3,24 +3,30 @@
 //! Read are the items that the model builds, with their components and transforms and from all parts of the archive (the
 //! production extension); each use of an object makes new vertices, in the unit that the model names. Transforms that
 //! mirror turn the triangles around, so that their outside stays outside. Materials, colors, slices and beam lattices are
-//! left out.
+//! left out, and so is what is not printed: objects of other types than `model`, items that are not printable, and the modifiers and
+//! support volumes of slicers. Negative volumes are kept apart, for the solids to be subtracted.
 //!
 //! Cost: the archive is held in memory, its parts are unpacked as a stream; each object is held once beside the result.
 
+mod left_out;
 mod package;
 mod parts;
+mod settings;
 mod xml;
 
 use glam::DAffine3;
 use ravec_memory::MemoryBudget;
 use ravec_progress::Progress;
 
+use self::left_out::LeftOut;
 use self::package::Package;
 use self::parts::Parts;
-use self::xml::{Model, Object, Room, Use};
+use self::settings::{Role, Settings};
+use self::xml::{Kind, Model, Object, Room, Use};
 use crate::MeshFormat;
 use crate::error::{Place, ReadMeshError};
-use crate::read::MeshFile;
+use crate::objects::MeshObject;
+use crate::read::{MeshFile, ReadWarning};
 use crate::soup::Soup;
 use crate::source::Source;
 use ravec_memory::ReservedVec;
@@ -50,11 +56,23 @@ pub(super) fn read(source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
         let model = xml::read_part(part, models.len(), &mut parts, &mut room)?;
         models.push(model)?;
     }
+    let mut left_out = LeftOut::default();
+    let mut soup = Soup::new(MeshFormat::ThreeMf, &limits);
+    let mut settings = Settings::new(budget);
+    for path in settings::PATHS {
+        if let Some(part) = package.part(path, budget.reserve_nothing())?
+            && !settings.read(part)?
+        {
+            soup.warn(ReadWarning::UnreadableSettings);
+        }
+    }
     drop(package);
+    if let Some(root) = models.first_mut() {
+        settings.apply(root, &mut left_out, budget, progress)?;
+    }
 
     let mut scene = Scene::new(models, limits.memory.clone(), progress)?;
-    let mut soup = Soup::new(MeshFormat::ThreeMf, &limits);
-    scene.count_all()?;
+    scene.count_all(&mut left_out)?;
     scene.leave_out_what_is_empty(progress)?;
     let (items, unit) = (&scene.models[0].items, scene.models[0].unit);
     let total = items.iter().fold(Count::default(), |total, item| {
@@ -62,14 +80,59 @@ pub(super) fn read(source: Source<'_>) -> Result<MeshFile, ReadMeshError> {
     });
     soup.check_room(total.triangles)?;
     soup.claim(total.vertices, total.triangles)?;
+    let mut placed = Placed {
+        soup,
+        negative: Soup::new(MeshFormat::ThreeMf, &limits),
+    };
+    let mut objects: ReservedVec<MeshObject> = ReservedVec::new(budget);
+    let mut names = budget.reserve_nothing();
     for item in items.iter() {
-        scene.place(item, &DAffine3::IDENTITY, &mut soup)?;
+        let (triangles, negative) = placed.triangles();
+        scene.place(item, &DAffine3::IDENTITY, false, &mut placed)?;
+        let (end, negative_end) = placed.triangles();
+        if end == triangles {
+            continue;
+        }
+        let name = scene.object(item).map_or("", |(object, _)| &object.name);
+        names.grow(name.len() as u64)?;
+        objects.push(MeshObject {
+            name: name.to_owned(),
+            triangles: triangles..end,
+            negative: negative..negative_end,
+        })?;
     }
+    let Placed { mut soup, negative } = placed;
     for warning in scene.models.iter().flat_map(|model| &model.warnings) {
         soup.warn(warning.clone());
     }
+    for warning in left_out.warnings() {
+        soup.warn(warning);
+    }
     drop(scene);
-    soup.finish(Some(unit), progress)
+    let negative = negative.finish(None, progress)?;
+    let mut file = soup.finish(Some(unit), progress)?;
+    let (objects, memory) = objects.into_parts();
+    file.objects = objects;
+    file.negative = negative.mesh;
+    for memory in [memory, names] {
+        file.memory.absorb(memory);
+    }
+    file.memory.absorb_all(negative.memory);
+    Ok(file)
+}
+
+/// The triangles that were placed.
+struct Placed {
+    soup: Soup,
+    /// Those of negative volumes.
+    negative: Soup,
+}
+
+impl Placed {
+    /// The numbers of triangles so far.
+    fn triangles(&self) -> (usize, usize) {
+        (self.soup.triangles(), self.negative.triangles())
+    }
 }
 
 /// The vertices and triangles that an object brings with its components. Objects without triangles bring no vertices.
@@ -150,22 +213,46 @@ impl<'a> Scene<'a> {
         (object.id == used.object).then_some((object, self.first[part] + end - 1))
     }
 
-    fn count_all(&mut self) -> Result<(), ReadMeshError> {
+    fn count_all(&mut self, left_out: &mut LeftOut) -> Result<(), ReadMeshError> {
         for item in 0..self.models[0].items.len() {
             let Use { part, object, .. } = self.models[0].items[item];
-            self.count(part, object, 0)?;
+            self.count(part, object, 0, left_out)?;
+            self.remark(&self.models[0].items[item], left_out);
         }
         Ok(())
     }
 
+    /// The kind of what a use would bring if it is not printed.
+    fn auxiliary(&self, used: &Use) -> Option<&'static str> {
+        match (used.role, self.object(used).map(|(object, _)| object.kind)) {
+            (Some(Role::Auxiliary(what)), _) | (None, Some(Kind::Auxiliary(what))) => Some(what),
+            _ => None,
+        }
+    }
+
+    /// Remembers a use that is not printed.
+    fn remark(&self, used: &Use, left_out: &mut LeftOut) {
+        if let Some(what) = self.auxiliary(used) {
+            let name = self.object(used).map_or("", |(object, _)| &object.name);
+            left_out.add(what, name);
+        }
+    }
+
     /// Counts what an object brings. Each object is counted once, so that nothing is walked more often than it has something to
     /// give.
-    fn count(&mut self, part: u32, id: u32, depth: usize) -> Result<Count, ReadMeshError> {
+    fn count(
+        &mut self,
+        part: u32,
+        id: u32,
+        depth: usize,
+        left_out: &mut LeftOut,
+    ) -> Result<Count, ReadMeshError> {
         self.progress.check()?;
         let used = Use {
             part,
             object: id,
             parent_from_object: DAffine3::IDENTITY,
+            role: None,
         };
         let Some((object, at)) = self.object(&used) else {
             return Err(fault(id, "it is used, but there is no such object"));
@@ -192,8 +279,13 @@ impl<'a> Scene<'a> {
             let Some((object, _)) = self.object(&used) else {
                 break;
             };
-            let Use { part, object, .. } = object.components[component];
-            count = count.plus(self.count(part, object, depth + 1)?);
+            let used = &object.components[component];
+            let (part, id, is_left_out) = (used.part, used.object, self.auxiliary(used).is_some());
+            self.remark(used, left_out);
+            let brought = self.count(part, id, depth + 1, left_out)?;
+            if !is_left_out {
+                count = count.plus(brought);
+            }
         }
         self.counts[at] = Counted::Done(count);
         Ok(count)
@@ -201,6 +293,9 @@ impl<'a> Scene<'a> {
 
     /// The count of a use.
     fn known_count(&self, used: &Use) -> Count {
+        if self.auxiliary(used).is_some() {
+            return Count::default();
+        }
         match self.object(used).map(|(_, at)| self.counts[at]) {
             Some(Counted::Done(count)) => count,
             _ => Count::default(),
@@ -222,14 +317,24 @@ impl<'a> Scene<'a> {
         Ok(())
     }
 
-    /// Adds the triangles that `used` brings.
+    /// Adds the triangles that `used` brings, which is a part of a negative volume if `negative`.
     fn place(
         &self,
         used: &Use,
         world_from_parent: &DAffine3,
-        soup: &mut Soup,
+        negative: bool,
+        placed: &mut Placed,
     ) -> Result<(), ReadMeshError> {
         self.progress.check()?;
+        if self.auxiliary(used).is_some() {
+            return Ok(());
+        }
+        let negative = negative || used.role == Some(Role::Negative);
+        let soup = if negative {
+            &mut placed.negative
+        } else {
+            &mut placed.soup
+        };
         let Some((object, _)) = self.object(used) else {
             return Ok(());
         };
@@ -262,7 +367,7 @@ impl<'a> Scene<'a> {
             }
         }
         for component in object.components.iter() {
-            self.place(component, &world_from_object, soup)?;
+            self.place(component, &world_from_object, negative, placed)?;
         }
         Ok(())
     }

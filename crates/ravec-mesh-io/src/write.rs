@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use ravec_progress::{Phase, Progress};
 
 use crate::error::WriteMeshError;
-use crate::{LengthUnit, MeshFormat};
+use crate::{LengthUnit, MeshFormat, MeshObject};
 use ravec_mesh::{KeyedMap, MeshRows, RowsError, TriMesh};
 
 /// Options for writing a mesh.
@@ -90,6 +90,9 @@ pub struct Attributes<'a> {
     /// Texture coordinates of the corners of each triangle, as in [`MeshFile::texture`](crate::MeshFile::texture). Only OBJ and
     /// glTF hold them. A vertex of a glTF file has one place in the texture: those with several are written several times.
     pub texture: &'a [[DVec2; 3]],
+    /// The objects that the mesh consists of, whose triangles follow on one another. Only 3MF holds them: without any it has
+    /// one object.
+    pub objects: &'a [MeshObject],
 }
 
 /// Writes `mesh` as [`write_mesh`] does, with those of its `attributes` that the format holds, and that are as many as the
@@ -105,7 +108,11 @@ pub fn write_mesh_with(
     writer: impl Write,
     progress: &Progress,
 ) -> Result<(), WriteMeshError> {
-    let Attributes { colors, texture } = attributes;
+    let Attributes {
+        colors,
+        texture,
+        objects,
+    } = attributes;
     let all = colors.len() == mesh.positions().len() && !colors.is_empty();
     let colors = all.then_some(colors);
     let all = texture.len() == mesh.triangles().len() && !texture.is_empty();
@@ -121,6 +128,7 @@ pub fn write_mesh_with(
     let rows = Rows {
         colors,
         texture,
+        objects: follow_on(objects, mesh.triangles().len()).then_some((mesh, objects)),
         ..Rows::of(mesh)
     };
     rows.write(format, *options, writer, progress)
@@ -147,6 +155,17 @@ struct Rows<'a> {
     colors: Option<&'a [[u8; 4]]>,
     texture: Option<&'a [[DVec2; 3]]>,
     texture_of_vertices: Option<&'a [[f32; 2]]>,
+    objects: Option<(&'a TriMesh, &'a [MeshObject])>,
+}
+
+/// True if each of the triangles belongs to one of `objects`, in their order, and each has some.
+fn follow_on(objects: &[MeshObject], triangles: usize) -> bool {
+    let mut end = 0;
+    let mut follows = |object: &MeshObject| {
+        let begin = std::mem::replace(&mut end, object.triangles.end);
+        object.triangles.start == begin && begin < object.triangles.end
+    };
+    objects.iter().all(&mut follows) && !objects.is_empty() && end == triangles
 }
 
 impl<'a> Rows<'a> {
@@ -157,6 +176,7 @@ impl<'a> Rows<'a> {
             colors: None,
             texture: None,
             texture_of_vertices: None,
+            objects: None,
         }
     }
 
@@ -172,6 +192,7 @@ impl<'a> Rows<'a> {
             colors,
             texture,
             texture_of_vertices,
+            objects,
         } = self;
         let single = options.precision == Precision::Single;
         let always_single = matches!(
@@ -196,7 +217,7 @@ impl<'a> Rows<'a> {
             MeshFormat::PlyAscii => ply::write_ascii(mesh, colors, options.precision, &mut sink),
             MeshFormat::Obj => text::write_obj(mesh, texture, options.precision, &mut sink),
             MeshFormat::Off => text::write_off(mesh, options.precision, &mut sink),
-            MeshFormat::ThreeMf => threemf::write(mesh, options, &mut sink),
+            MeshFormat::ThreeMf => threemf::write(mesh, objects, options, &mut sink),
             MeshFormat::Glb => gltf::write_glb(mesh, texture_of_vertices, options.unit, &mut sink),
             MeshFormat::Gltf => {
                 gltf::write_gltf(mesh, texture_of_vertices, options.unit, &mut sink)

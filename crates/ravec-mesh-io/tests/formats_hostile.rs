@@ -63,6 +63,7 @@ fn written(format: MeshFormat) -> Vec<u8> {
     let attributes = Attributes {
         colors: &[[1, 20, 200, 255]; 6],
         texture: &[[DVec2::X; 3]; 8],
+        objects: &[],
     };
     write_mesh_with(
         &octahedron(),

@@ -568,3 +568,166 @@ fn damaged_and_unsupported_gltf_files_are_told_apart() {
     other[16] = b'j';
     assert!(matches!(read(&other), Err(ReadMeshError::Syntax { .. })));
 }
+
+/// A tetrahedron of volume 1/6 · size³, as the rows of an object.
+fn tetrahedra(sizes: &[u32]) -> String {
+    let (mut vertices, mut triangles) = (String::new(), String::new());
+    for (i, size) in sizes.iter().enumerate() {
+        for [x, y, z] in [[0, 0, 0], [*size, 0, 0], [0, *size, 0], [0, 0, *size]] {
+            vertices += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
+        }
+        for corners in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
+            let [a, b, c] = corners.map(|corner| 4 * i + corner);
+            triangles += &format!("<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>");
+        }
+    }
+    format!("<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>")
+}
+
+#[test]
+fn volumes_by_ranges_of_triangles_are_parts_negative_or_left_out() {
+    let object = format!("<object id=\"1\">{}</object>", tetrahedra(&[8, 2, 3, 4, 5]));
+    let volume = |at: usize, name: &str, keys: &str| {
+        format!(
+            "<volume firstid=\"{}\" lastid=\"{}\"><metadata type=\"volume\" key=\"name\" value=\"{name}\"/>{keys}</volume>",
+            4 * at,
+            4 * at + 3
+        )
+    };
+    let kind = |kind: &str| format!("<metadata key=\"volume_type\" value=\"{kind}\"/>");
+    let volumes = [
+        volume(0, "body", &kind("ModelPart")),
+        volume(1, "hole &amp; co", &kind("NegativeVolume")),
+        volume(2, "dense", "<metadata key=\"modifier\" value=\"1\"/>"),
+        volume(3, "block", &kind("SupportBlocker")),
+        volume(4, "later", &kind("SomethingNew")),
+    ]
+    .concat();
+    let settings = format!(
+        "<config><object id=\"1\"><metadata type=\"object\" key=\"name\" value=\"bracket\"/>{volumes}</object></config>"
+    );
+    let model = format!(
+        "<model xmlns=\"c\"><resources>{object}</resources><build><item objectid=\"1\"/>\
+         <item objectid=\"1\" transform=\"1 0 0 0 1 0 0 0 1 20 0 0\"/></build></model>"
+    );
+    for path in [
+        "Metadata/Slic3r_PE_model.config",
+        "metadata/slic3r_pe_model.config",
+    ] {
+        let entries = [("3D/3dmodel.model", &*model), (path, &*settings)];
+        let file = read(&archive(&entries)).unwrap();
+        assert_eq!(file.mesh.triangles().len(), 8);
+        assert_eq!(file.mesh.bounds().max.x, 28.0);
+        assert_eq!(file.negative.bounds().max.x, 22.0);
+        let objects: Vec<_> = file.objects.iter().collect();
+        let found = objects
+            .iter()
+            .map(|o| (&*o.name, o.triangles.clone(), o.negative.clone()));
+        let found: Vec<_> = found.collect();
+        assert_eq!(found, [("bracket", 0..4, 0..4), ("bracket", 4..8, 4..8)]);
+        let told: Vec<_> = file.warnings.iter().map(ToString::to_string).collect();
+        assert_eq!(
+            told,
+            [
+                "left out 1 modifier (dense)",
+                "left out 1 support blocker (block)",
+                "left out 1 unknown volume (later)",
+                "kept 1 negative volume (hole & co) apart from the mesh, to be subtracted from it",
+            ]
+        );
+    }
+    let broken = [
+        ("3D/3dmodel.model", &*model),
+        ("Metadata/model_settings.config", "<config><object"),
+    ];
+    let file = read(&archive(&broken)).unwrap();
+    assert_eq!(file.mesh.triangles().len(), 40);
+    assert!(file.warnings[0].to_string().contains("cannot be read"));
+}
+
+#[test]
+fn volumes_by_components_are_parts_negative_or_left_out() {
+    let leaf = |id: u32, kind: &str, size: u32| {
+        format!(
+            "<object id=\"{id}\" type=\"{kind}\">{}</object>",
+            tetrahedra(&[size])
+        )
+    };
+    let leaves =
+        leaf(1, "model", 8) + &leaf(2, "other", 2) + &leaf(3, "other", 3) + &leaf(4, "support", 4);
+    let objects = format!("<model xmlns=\"c\"><resources>{leaves}</resources></model>");
+    let component =
+        |id: u32| format!("<component p:path=\"/3D/Objects/a.model\" objectid=\"{id}\"/>");
+    let components = [1, 2, 3, 4].map(component).concat();
+    let model = format!(
+        "<model xmlns=\"c\" xmlns:p=\"http://x/production/2015\"><resources><object id=\"9\"><components>{components}</components></object>\
+         </resources><build><item objectid=\"9\" printable=\"1\"/><item objectid=\"9\" printable=\"0\"/></build></model>"
+    );
+    let settings = "<config><object id=\"9\"><metadata key=\"name\" value=\"plate\"/>\
+        <part id=\"1\" subtype=\"normal_part\"/>\
+        <part id=\"2\" subtype=\"negative_part\"><metadata key=\"name\" value=\"slot\"/></part>\
+        <part id=\"3\" subtype=\"modifier_part\"><mesh_stat edges_fixed=\"0\"/></part></object></config>";
+    let entries = [
+        ("3D/3dmodel.model", &*model),
+        ("3D/Objects/a.model", &*objects),
+        ("Metadata/model_settings.config", settings),
+    ];
+    let file = read(&archive(&entries)).unwrap();
+    assert_eq!(
+        (file.mesh.triangles().len(), file.negative.triangles().len()),
+        (4, 4)
+    );
+    assert_eq!(file.negative.bounds().max.x, 2.0);
+    assert_eq!((file.objects.len(), &*file.objects[0].name), (1, "plate"));
+    let told: Vec<_> = file.warnings.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        told,
+        [
+            "left out 1 modifier",
+            "left out 1 support object",
+            "left out 1 unprintable item (plate)",
+            "kept 1 negative volume (slot) apart from the mesh, to be subtracted from it",
+        ]
+    );
+}
+
+#[test]
+fn objects_of_a_3mf_file_are_written_with_their_names() {
+    let object = |id: u32, name: &str| {
+        format!(
+            "<object id=\"{id}\" name=\"{name}\">{}</object>",
+            tetrahedra(&[id])
+        )
+    };
+    let file = read(&model(
+        &(object(1, "a &lt; b") + &object(2, "") + &object(3, "unused")),
+        "<item objectid=\"2\"/><item objectid=\"1\"/>",
+    ))
+    .unwrap();
+    let attributes = ravec_mesh_io::Attributes {
+        objects: &file.objects,
+        ..ravec_mesh_io::Attributes::default()
+    };
+    let options = ravec_mesh_io::WriteOptions {
+        unit: file.unit,
+        ..ravec_mesh_io::WriteOptions::default()
+    };
+    let mut bytes = Vec::new();
+    let progress = ravec_progress::Progress::none();
+    ravec_mesh_io::write_mesh_with(
+        &file.mesh,
+        attributes,
+        MeshFormat::ThreeMf,
+        &options,
+        &mut bytes,
+        &progress,
+    )
+    .unwrap();
+    let again = read(&bytes).unwrap();
+    assert_eq!(
+        (again.objects, again.mesh),
+        (file.objects.clone(), file.mesh)
+    );
+    let names: Vec<_> = file.objects.iter().map(|object| &*object.name).collect();
+    assert_eq!(names, ["", "a < b"]);
+}

@@ -139,6 +139,7 @@ fn ordinary_files_are_read_with_a_small_multiple_of_their_size() {
             let attributes = Attributes {
                 colors: if with { &colors } else { &[] },
                 texture: if with { &texture } else { &[] },
+                objects: &[],
             };
             let mut file = Vec::new();
             let (options, progress) = (WriteOptions::default(), Progress::none());

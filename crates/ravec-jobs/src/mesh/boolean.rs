@@ -319,6 +319,7 @@ impl Operation for Boolean {
         let carried = Attributes {
             colors: &attributes::colors_of(&result, &meshes, &colors),
             texture: &attributes::texture_of(&result, &meshes, &textures),
+            objects: &[],
         };
         super::write_with(output, &result.mesh, carried, &target, &mut report, context)?;
         if let Some(path) = &self.origins {

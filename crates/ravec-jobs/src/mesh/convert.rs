@@ -69,6 +69,13 @@ impl Output {
         if !context.is_intermediate(output) {
             super::keep_supported(&mut file, input, &target, &mut report);
         }
+        let objects = file.objects.len();
+        if content == Content::Shape && target.format == MeshFormat::ThreeMf && objects > 1 {
+            report.record_dropped(format!(
+                "{}: its {objects} objects become one, without their names",
+                input.display()
+            ));
+        }
         target.unit = file.unit;
         Ok(Start {
             report,
@@ -219,6 +226,7 @@ impl Operation for Convert {
             mesh,
             colors,
             texture,
+            objects,
             ..
         } = file;
         let mesh = weld::welded(mesh, params.weld, from, &mut report, progress)?;
@@ -243,6 +251,7 @@ impl Operation for Convert {
         let attributes = Attributes {
             colors: &colors,
             texture: &texture,
+            objects: if params.weld.is_none() { &objects } else { &[] },
         };
         super::write_with(output, &mesh, attributes, &target, &mut report, context)?;
         Ok(report)

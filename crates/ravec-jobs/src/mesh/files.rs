@@ -1,5 +1,6 @@
 //! Mesh files of operations: each leaves its trace in the report.
 
+use super::negative;
 use crate::context::{Context, Intermediate};
 use crate::error::JobError;
 use crate::files::{IN_MEMORY, check_files};
@@ -83,7 +84,7 @@ fn read_recorded(
     }
     tracing::info!("reading {}", path.display());
     options.limits = context.mesh_limits();
-    let (file, companions) = report.time("read", || {
+    let (mut file, companions) = report.time("read", || {
         read_mesh_file_with(path, options, &context.progress)
     })?;
     let companions: Vec<_> = companions.iter().map(PathBuf::as_path).collect();
@@ -97,12 +98,16 @@ fn read_recorded(
             ReadWarning::PolygonsCut { .. } | ReadWarning::Welded { .. } => {
                 report.record_changed(sentence);
             }
-            ReadWarning::NoEnd => report.record_assumed(sentence),
+            ReadWarning::NegativeVolumes { .. } => {
+                report.record_changed(format!("{sentence}, which was done"));
+            }
+            ReadWarning::NoEnd | ReadWarning::UnreadableSettings => report.record_assumed(sentence),
             _ => report.record_dropped(sentence),
         }
     }
     let described = described(path, file.format, file.unit, &file.mesh);
     report.inputs.push(described);
+    negative::subtract(&mut file, path, report, &context.progress)?;
     Ok(file)
 }
 
@@ -139,6 +144,7 @@ pub(super) fn write_with(
         file.unit = target.unit;
         file.colors = attributes.colors.to_vec();
         file.texture = attributes.texture.to_vec();
+        file.objects = attributes.objects.to_vec();
         store(path, file, report, context);
         return Ok(());
     }

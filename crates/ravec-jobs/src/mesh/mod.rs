@@ -22,6 +22,7 @@ mod files;
 pub mod info;
 mod judge;
 mod length;
+mod negative;
 pub mod offset;
 mod refine;
 pub mod render;

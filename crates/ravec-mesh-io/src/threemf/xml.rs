@@ -6,10 +6,11 @@ use glam::{DAffine3, DVec3};
 use quick_xml::Reader;
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
-use ravec_memory::MemoryBudget;
+use ravec_memory::{MemoryBudget, Reservation};
 
 use super::package::Part;
 use super::parts::Parts;
+use super::settings::Role;
 use crate::error::{Place, ReadMeshError};
 use crate::number::{integer, number, shown};
 use crate::read::{MeshLimits, ReadWarning};
@@ -17,8 +18,11 @@ use crate::{LengthUnit, MeshFormat};
 use ravec_memory::ReservedVec;
 
 /// Bounds on the depth of elements and on the length of their names: the names of those that are open are held.
-const MAX_DEPTH: usize = 256;
-const MAX_NAME: usize = 1024;
+pub(super) const MAX_DEPTH: usize = 256;
+pub(super) const MAX_NAME: usize = 1024;
+
+/// Length to which names of objects are cut.
+const MAX_TEXT: usize = 256;
 
 /// A use of an object.
 pub(super) struct Use {
@@ -26,11 +30,34 @@ pub(super) struct Use {
     pub(super) part: u32,
     pub(super) object: u32,
     pub(super) parent_from_object: DAffine3,
+    /// What the settings of a slicer say about it, whatever the type of the object.
+    pub(super) role: Option<Role>,
+}
+
+/// The type of an object.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Model,
+    /// Not printed; as messages name it, in the singular.
+    Auxiliary(&'static str),
+}
+
+impl Kind {
+    fn of(word: &str) -> Self {
+        match word {
+            "model" | "" => Self::Model,
+            "support" | "solidsupport" => Self::Auxiliary("support object"),
+            "surface" => Self::Auxiliary("surface object"),
+            _ => Self::Auxiliary("auxiliary object"),
+        }
+    }
 }
 
 /// A mesh or a collection of uses, or both.
 pub(super) struct Object {
     pub(super) id: u32,
+    pub(super) kind: Kind,
+    pub(super) name: String,
     pub(super) positions: ReservedVec<DVec3>,
     pub(super) triangles: ReservedVec<[u32; 3]>,
     pub(super) components: ReservedVec<Use>,
@@ -43,6 +70,8 @@ pub(super) struct Model {
     pub(super) objects: ReservedVec<Object>,
     /// Items of the build.
     pub(super) items: ReservedVec<Use>,
+    /// Memory of the names of objects.
+    names: Reservation,
     pub(super) warnings: Vec<ReadWarning>,
 }
 
@@ -86,13 +115,13 @@ impl Room {
 }
 
 /// The reader of a part, and the element at hand.
-struct Elements<'a> {
+pub(super) struct Elements<'a> {
     reader: Reader<BufReader<Part<'a>>>,
     buffer: Vec<u8>,
 }
 
 impl<'a> Elements<'a> {
-    fn of(part: BufReader<Part<'a>>) -> Self {
+    pub(super) fn of(part: BufReader<Part<'a>>) -> Self {
         Self {
             reader: Reader::from_reader(part),
             buffer: Vec::new(),
@@ -100,13 +129,13 @@ impl<'a> Elements<'a> {
     }
 
     /// The next one. A failure of the part is kept there.
-    fn next(&mut self) -> Result<Event<'_>, quick_xml::Error> {
+    pub(super) fn next(&mut self) -> Result<Event<'_>, quick_xml::Error> {
         self.buffer.clear();
         self.reader.get_mut().get_mut().begin();
         self.reader.read_event_into(&mut self.buffer)
     }
 
-    fn take_failure(&mut self) -> Option<ReadMeshError> {
+    pub(super) fn take_failure(&mut self) -> Option<ReadMeshError> {
         self.reader.get_mut().get_mut().failure.take()
     }
 }
@@ -170,6 +199,7 @@ pub(super) fn read_part(
             unit: LengthUnit::Millimeter,
             objects: ReservedVec::new(&budget),
             items: ReservedVec::new(&budget),
+            names: budget.reserve_nothing(),
             warnings: Vec::new(),
         },
         open: None,
@@ -260,15 +290,19 @@ impl Builder<'_> {
             "triangle" => self.triangle(tag),
             "model" => self.model(tag),
             "object" => {
-                let mut id = None;
-                self.attributes(tag, |key, value| {
-                    if key == "id" {
-                        id = index(value);
-                    }
+                let (mut id, mut kind, mut name) = (None, Kind::Model, String::new());
+                self.attributes(tag, |key, value| match key {
+                    "id" => id = index(value),
+                    "type" => kind = Kind::of(value),
+                    "name" => name = text(value),
+                    _ => {}
                 })?;
+                self.model.names.grow(name.len() as u64)?;
                 let id = id.ok_or_else(|| self.fault("an object has no number for its id"))?;
                 self.open = Some(Object {
                     id,
+                    kind,
+                    name,
                     positions: ReservedVec::new(&self.budget),
                     triangles: ReservedVec::new(&self.budget),
                     components: ReservedVec::new(&self.budget),
@@ -437,10 +471,12 @@ impl Builder<'_> {
     fn a_use(&mut self, tag: &BytesStart<'_>) -> Result<Use, ReadMeshError> {
         let (mut object, mut path) = (None, None);
         let mut placed = Some(DAffine3::IDENTITY);
+        let mut printable = true;
         self.attributes(tag, |key, value| match key {
             "objectid" => object = index(value),
             "path" => path = Some(value.to_owned()),
             "transform" => placed = transform(value),
+            "printable" => printable = !matches!(value, "0" | "false"),
             _ => {}
         })?;
         let object = object.ok_or_else(|| self.fault("a use of an object lacks its number"))?;
@@ -454,11 +490,19 @@ impl Builder<'_> {
             part,
             object,
             parent_from_object,
+            role: (!printable).then_some(Role::Auxiliary("unprintable item")),
         })
     }
 }
 
-fn index(value: &str) -> Option<u32> {
+/// Text with its entities replaced, cut to a length that names have.
+pub(super) fn text(value: &str) -> String {
+    let end = value.floor_char_boundary(MAX_TEXT);
+    let value = &value[..end];
+    quick_xml::escape::unescape(value).map_or_else(|_| value.to_owned(), Into::into)
+}
+
+pub(super) fn index(value: &str) -> Option<u32> {
     integer(value.trim_ascii().as_bytes()).and_then(|index| index.try_into().ok())
 }
 

@@ -1,4 +1,4 @@
-//! 3MF: one object, built once.
+//! 3MF: one object, or those that the caller names, each built once.
 
 use std::cell::{Cell, RefCell};
 use std::io::{self, Seek, Write};
@@ -8,9 +8,13 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::{FULL, ROW, Sink, WriteOptions, number, whole};
-use crate::LengthUnit;
 use crate::error::WriteMeshError;
-use ravec_mesh::MeshRows;
+use crate::objects::part_of;
+use crate::{LengthUnit, MeshObject};
+use ravec_mesh::{MeshRows, TriMesh};
+
+/// The objects of a mesh, if there are any.
+type Objects<'a> = Option<(&'a TriMesh, &'a [MeshObject])>;
 
 const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
@@ -37,6 +41,7 @@ fn failed(error: zip::result::ZipError) -> WriteMeshError {
 
 pub(super) fn write(
     mesh: &dyn MeshRows,
+    objects: Objects<'_>,
     options: WriteOptions,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
@@ -48,7 +53,7 @@ pub(super) fn write(
     let mut archive = ZipWriter::new_stream(&muted);
     // The archive is finished when it is dropped, at the latest.
     write_entries(
-        mesh,
+        (mesh, objects),
         options,
         sink.progress,
         sink.phase,
@@ -118,7 +123,7 @@ impl<W: Write + Seek> Write for Checked<'_, '_, W> {
 }
 
 fn write_entries<W: Write + Seek>(
-    mesh: &dyn MeshRows,
+    (mesh, objects): (&dyn MeshRows, Objects<'_>),
     options: WriteOptions,
     progress: &Progress,
     phase: &Phase,
@@ -144,13 +149,14 @@ fn write_entries<W: Write + Seek>(
         progress,
         phase,
     };
-    write_model(mesh, options, &mut model)?;
+    write_model(mesh, objects, options, &mut model)?;
     model.flush()?;
     Ok(())
 }
 
 fn write_model(
     mesh: &dyn MeshRows,
+    objects: Objects<'_>,
     options: WriteOptions,
     sink: &mut Sink<'_>,
 ) -> Result<(), WriteMeshError> {
@@ -162,38 +168,70 @@ fn write_model(
     );
     sink.bytes(head.as_bytes());
     // The format has no meshes without triangles.
-    let is_empty = mesh.triangle_count() == 0;
-    if !is_empty {
-        sink.bytes(b"<object id=\"1\" type=\"model\"><mesh>\n<vertices>\n");
-        sink.vertices(mesh, |buffer, at| {
-            for (name, x) in ["<vertex x=\"", "\" y=\"", "\" z=\""]
-                .iter()
-                .zip(at.to_array())
-            {
-                buffer.extend_from_slice(name.as_bytes());
-                number(buffer, x, options.precision)?;
+    let mut count = 0;
+    match objects {
+        _ if mesh.triangle_count() == 0 => {}
+        Some((whole, objects)) if objects.len() > 1 => {
+            for object in objects {
+                sink.progress.check()?;
+                count += 1;
+                let part = part_of(whole, object.triangles.clone());
+                write_object(&part, (count, &object.name), options, sink)?;
             }
-            buffer.extend_from_slice(b"\"/>\n");
-            Ok(())
-        })?;
-        sink.bytes(b"</vertices>\n<triangles>\n");
-        sink.triangles(mesh, |buffer, corners, _| {
-            for (name, v) in ["<triangle v1=\"", "\" v2=\"", "\" v3=\""]
-                .iter()
-                .zip(corners)
-            {
-                buffer.extend_from_slice(name.as_bytes());
-                whole(buffer, v);
-            }
-            buffer.extend_from_slice(b"\"/>\n");
-            Ok(())
-        })?;
-        sink.bytes(b"</triangles>\n</mesh></object>\n");
+        }
+        other => {
+            count = 1;
+            let name = other.and_then(|(_, objects)| objects.first());
+            let name = name.map_or("", |object| &object.name);
+            write_object(mesh, (1, name), options, sink)?;
+        }
     }
     sink.bytes(b"</resources>\n<build>");
-    if !is_empty {
-        sink.bytes(b"<item objectid=\"1\"/>");
+    for id in 1..=count {
+        sink.bytes(format!("<item objectid=\"{id}\"/>").as_bytes());
     }
     sink.bytes(b"</build>\n</model>\n");
+    Ok(())
+}
+
+/// Appends the object of an id, with its name if it has one.
+fn write_object(
+    mesh: &dyn MeshRows,
+    (id, name): (usize, &str),
+    options: WriteOptions,
+    sink: &mut Sink<'_>,
+) -> Result<(), WriteMeshError> {
+    let mut tag = format!("<object id=\"{id}\" type=\"model\"");
+    if !name.is_empty() {
+        // the format has no control characters
+        let name: String = name.chars().filter(|c| !c.is_control()).collect();
+        tag += &format!(" name=\"{}\"", quick_xml::escape::escape(name.as_str()));
+    }
+    tag += "><mesh>\n<vertices>\n";
+    sink.bytes(tag.as_bytes());
+    sink.vertices(mesh, |buffer, at| {
+        for (name, x) in ["<vertex x=\"", "\" y=\"", "\" z=\""]
+            .iter()
+            .zip(at.to_array())
+        {
+            buffer.extend_from_slice(name.as_bytes());
+            number(buffer, x, options.precision)?;
+        }
+        buffer.extend_from_slice(b"\"/>\n");
+        Ok(())
+    })?;
+    sink.bytes(b"</vertices>\n<triangles>\n");
+    sink.triangles(mesh, |buffer, corners, _| {
+        for (name, v) in ["<triangle v1=\"", "\" v2=\"", "\" v3=\""]
+            .iter()
+            .zip(corners)
+        {
+            buffer.extend_from_slice(name.as_bytes());
+            whole(buffer, v);
+        }
+        buffer.extend_from_slice(b"\"/>\n");
+        Ok(())
+    })?;
+    sink.bytes(b"</triangles>\n</mesh></object>\n");
     Ok(())
 }
