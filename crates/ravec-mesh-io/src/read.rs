@@ -159,6 +159,13 @@ pub enum ReadWarning {
     MoreBehindTheEnd,
     /// A text file lacks the line that ends it, perhaps because it was cut off there.
     NoEnd,
+    /// The header announces another number of triangles than the file holds; all that are there were read.
+    OtherCount {
+        /// Number in the header; `u32::MAX` in some that were never filled in.
+        announced: u64,
+        /// Number in the file.
+        found: u64,
+    },
     /// There is no triangle in the mesh.
     NoTriangles,
 }
@@ -186,6 +193,16 @@ impl fmt::Display for ReadWarning {
             ),
             Self::NoEnd => {
                 f.write_str("the file lacks its last line; it may be cut off between two triangles")
+            }
+            Self::OtherCount { announced, found } => {
+                write!(
+                    f,
+                    "the header announces {announced} triangles and the file holds {found}, which were read"
+                )?;
+                if (*found + 1..u64::from(u32::MAX)).contains(announced) {
+                    f.write_str("; it may be cut off between two triangles")?;
+                }
+                Ok(())
             }
             Self::NoTriangles => f.write_str("the mesh has no triangles"),
         }

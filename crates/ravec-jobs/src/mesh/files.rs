@@ -97,7 +97,9 @@ fn read_recorded(
             ReadWarning::PolygonsCut { .. } | ReadWarning::Welded { .. } => {
                 report.record_changed(sentence);
             }
-            ReadWarning::NoEnd => report.record_assumed(sentence),
+            ReadWarning::NoEnd | ReadWarning::OtherCount { .. } => {
+                report.record_assumed(sentence);
+            }
             _ => report.record_dropped(sentence),
         }
     }
