@@ -79,7 +79,7 @@ mod threemf;
 mod write;
 
 pub use error::{Place, ReadMeshError, WriteMeshError};
-pub use format::{LengthUnit, MeshFormat};
+pub use format::{LengthUnit, MeshFormat, UnitRatio};
 pub use paths::{
     MeshTarget, ReadMeshFileError, UnknownMeshExtension, WriteMeshFileError, read_mesh_file,
     read_mesh_file_with, write_mesh_file, write_mesh_file_with, write_rows_file,

@@ -166,6 +166,18 @@ pub enum ReadWarning {
         /// Number in the file.
         found: u64,
     },
+    /// The file puts the mesh into a pose, which was not done.
+    RestPose {
+        /// Means by which it does so, in the plural.
+        of: &'static str,
+    },
+    /// The file uses extensions of its format that are not known here, and may have its shape from them.
+    UnknownExtensions {
+        /// The first few, as they can be shown.
+        names: Vec<String>,
+        /// The number of others.
+        more: u64,
+    },
     /// There is no triangle in the mesh.
     NoTriangles,
 }
@@ -203,6 +215,17 @@ impl fmt::Display for ReadWarning {
                     f.write_str("; it may be cut off between two triangles")?;
                 }
                 Ok(())
+            }
+            Self::RestPose { of } => write!(
+                f,
+                "left out the pose that the file gives by {of}: the mesh is as it stands without"
+            ),
+            Self::UnknownExtensions { names, more } => {
+                write!(f, "left out what the extensions {}", names.join(", "))?;
+                if *more > 0 {
+                    write!(f, " and {more} others")?;
+                }
+                f.write_str(" add, which are not read here and may change the shape")
             }
             Self::NoTriangles => f.write_str("the mesh has no triangles"),
         }

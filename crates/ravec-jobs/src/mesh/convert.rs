@@ -1,6 +1,7 @@
 //! `mesh convert`: a mesh in another format, unit or precision.
 
 use super::as_read::as_read;
+use super::files::record_unit_loss;
 use super::judge::judge_written;
 use super::{Length, MeshTarget, weld};
 use crate::context::Context;
@@ -9,7 +10,7 @@ use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::Report;
 use ravec::mesh::TriMesh;
-use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat, Precision};
+use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat, Precision, UnitRatio};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -225,8 +226,8 @@ impl Operation for Convert {
         progress.check()?;
         let mesh = match (from, target.unit) {
             (Some(from), Some(to)) if from != to => {
-                let scale = from.in_meters() / to.in_meters();
-                report.figures.insert("scale", scale);
+                let scale = from.per(to);
+                report.figures.insert("scale", scale.factor());
                 scaled(mesh, scale, input)?
             }
             _ => mesh,
@@ -235,6 +236,10 @@ impl Operation for Convert {
             report
                 .figures
                 .insert("largest_rounding", largest_rounding(&mesh, target));
+        }
+        if params.unit.is_none() {
+            let cure = "`unit` millimeter converts them";
+            record_unit_loss(input, output, &target, cure, &mut report, context);
         }
         // a file that holds the mesh as it is needs no verdict
         if as_read(&mesh, &target, progress)?.is_some_and(|read| read != mesh) {
@@ -249,14 +254,14 @@ impl Operation for Convert {
     }
 }
 
-pub(super) fn scaled(mesh: TriMesh, scale: f64, path: &Path) -> Result<TriMesh, JobError> {
+pub(super) fn scaled(mesh: TriMesh, scale: UnitRatio, path: &Path) -> Result<TriMesh, JobError> {
     let (mut positions, triangles) = mesh.into_parts();
     for position in &mut positions {
-        *position *= scale;
+        *position = position.map(|x| scale.apply(x));
     }
     TriMesh::new(positions, triangles).map_err(|_| JobError::Parameter {
         field: "unit",
-        value: format!("{scale} times smaller than that of {}", path.display()),
+        value: format!("{} times smaller than that of {}", scale.factor(), path.display()),
         range: "large enough for coordinates to stay finite",
     })
 }
@@ -274,12 +279,19 @@ pub(super) fn rounds(target: &MeshTarget) -> bool {
         )
 }
 
-/// Scale factor of coordinates in the output: glTF is in meters.
-pub(super) fn unit_scale(target: MeshTarget) -> f64 {
+/// Scale of coordinates in the output to meters, where the format is glTF and the unit is known.
+pub(super) fn scale_to_meters(target: MeshTarget) -> Option<UnitRatio> {
     match target.format {
-        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
-        _ => 1.0,
+        MeshFormat::Glb | MeshFormat::Gltf => {
+            target.unit.map(|unit| unit.per(LengthUnit::Meter))
+        }
+        _ => None,
     }
+}
+
+/// Factor by which readers of the output multiply its coordinates: glTF is in meters.
+pub(super) fn unit_scale(target: MeshTarget) -> f64 {
+    scale_to_meters(target).map_or(1.0, UnitRatio::factor)
 }
 
 /// Largest change of a coordinate.
