@@ -187,7 +187,8 @@ impl Scene<'_> {
         let names: Vec<_> = names.map(|name| shown(name.as_bytes())).collect();
         if !names.is_empty() {
             let more = used.more;
-            self.soup.warn(ReadWarning::UnknownExtensions { names, more });
+            self.soup
+                .warn(ReadWarning::UnknownExtensions { names, more });
         }
     }
 
@@ -283,7 +284,9 @@ impl Scene<'_> {
             scale,
         } = attributes;
         let points = |accessor: Option<usize>| {
-            accessor.map(|accessor| buffers.points(document, accessor)).transpose()
+            accessor
+                .map(|accessor| buffers.points(document, accessor))
+                .transpose()
         };
         let (mut shifts, mut scales) = (points(translation)?, points(scale)?);
         let turns = rotation.map(|accessor| buffers.quaternions(document, accessor));

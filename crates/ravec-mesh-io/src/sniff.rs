@@ -253,7 +253,13 @@ mod tests {
             assert!(is_undecided(open.as_bytes()), "{open}");
         }
         let long = format!("# a\n{{{}", "x".repeat(70));
-        for decided in ["v\n", "# a\nv 0 0 0\n", "# a\rv 0 0 0\r", long.as_str(), "# a\n\0"] {
+        for decided in [
+            "v\n",
+            "# a\nv 0 0 0\n",
+            "# a\rv 0 0 0\r",
+            long.as_str(),
+            "# a\n\0",
+        ] {
             assert!(!is_undecided(decided.as_bytes()), "{decided}");
         }
     }

@@ -370,7 +370,11 @@ mod tests {
     fn carriage_returns_alone_and_mixed_with_others_end_lines() {
         let progress = Progress::none();
         let options = ReadOptions::default();
-        for text in ["a\rb\r\rc\n d\r", "a\r\nb\n\rc\r d\r\n", "a\nb\r\n\rc\r\n d"] {
+        for text in [
+            "a\rb\r\rc\n d\r",
+            "a\r\nb\n\rc\r d\r\n",
+            "a\nb\r\n\rc\r\n d",
+        ] {
             let expected = [("a", 1), ("b", 2), ("", 3), ("c", 4), (" d", 5)];
             let mut drip = Drip(text.as_bytes());
             let mut source = Source::new(&mut drip, &options, &progress).unwrap();

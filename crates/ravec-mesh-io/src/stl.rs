@@ -82,9 +82,8 @@ const EXAMINED: usize = 20;
 /// Corner `which` of a facet, as bits.
 #[inline]
 fn corner(facet: &[u8; FACET], which: usize) -> [u32; 3] {
-    let word = |at: usize| {
-        u32::from_le_bytes([facet[at], facet[at + 1], facet[at + 2], facet[at + 3]])
-    };
+    let word =
+        |at: usize| u32::from_le_bytes([facet[at], facet[at + 1], facet[at + 2], facet[at + 3]]);
     let at = 12 * (which + 1);
     [word(at), word(at + 4), word(at + 8)]
 }
@@ -99,9 +98,12 @@ pub(super) fn are_facets(bytes: &[u8]) -> bool {
         size == 0.0 || (1e-12..1e12).contains(&size)
     };
     let corners = |facet: &[u8; FACET]| [0, 1, 2].map(|which| corner(facet, which));
-    let all_ordinary = facets
-        .iter()
-        .all(|facet| corners(facet).as_flattened().iter().all(|&bits| is_ordinary(bits)));
+    let all_ordinary = facets.iter().all(|facet| {
+        corners(facet)
+            .as_flattened()
+            .iter()
+            .all(|&bits| is_ordinary(bits))
+    });
     let is_triangle = |facet: &[u8; FACET]| {
         let [a, b, c] = corners(facet);
         a != b && b != c && c != a

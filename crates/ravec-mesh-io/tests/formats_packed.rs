@@ -111,7 +111,10 @@ fn what_a_3mf_file_has_besides_triangles_is_remarked() {
     let known = "<model requiredextensions=\"p b\" xmlns:p=\"http://x/production/1\" xmlns:b=\"http://x/beamlattice/2\"/>";
     let file = read(&archive(&[("3D/3dmodel.model", known)])).unwrap();
     assert_eq!(file.warnings, [ReadWarning::NoTriangles]);
-    for (declared, named) in [(" xmlns:s=\"http://x/booleans/1\"", "booleans"), ("", "extension s,")] {
+    for (declared, named) in [
+        (" xmlns:s=\"http://x/booleans/1\"", "booleans"),
+        ("", "extension s,"),
+    ] {
         let text = format!(
             "<model requiredextensions=\"p s\" xmlns:p=\"http://x/production/1\"{declared}/>"
         );

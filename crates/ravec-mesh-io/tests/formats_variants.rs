@@ -61,7 +61,12 @@ fn text_formats_are_read_with_any_line_ends() {
             .map(|(i, line)| line.to_owned() + ["\n", "\r", "\r\n"][i % 3])
             .collect();
         let cut = text.trim_end().replace('\n', "\r");
-        for other in [text.replace('\n', "\r"), text.replace('\n', "\r\n"), mixed, cut] {
+        for other in [
+            text.replace('\n', "\r"),
+            text.replace('\n', "\r\n"),
+            mixed,
+            cut,
+        ] {
             let file = read(other.as_bytes()).unwrap();
             assert_eq!(file, plain, "{format}");
         }
@@ -160,7 +165,10 @@ fn triangles_that_no_header_announces_are_limited_too() {
                 ..ReadOptions::default()
             };
             let outcome = read_mesh(&file[..], &options, &Progress::none());
-            assert!(matches!(outcome, Err(ReadMeshError::TooMany { limit: 11, .. })));
+            assert!(matches!(
+                outcome,
+                Err(ReadMeshError::TooMany { limit: 11, .. })
+            ));
         }
     }
 }
@@ -204,7 +212,10 @@ fn ends_of_ascii_stl_may_be_two_words_in_any_case() {
         assert_eq!(read(other.as_bytes()).unwrap(), plain, "{other}");
     }
     let wrong = text.replace("endloop", "end vertex");
-    assert!(matches!(read(wrong.as_bytes()), Err(ReadMeshError::Syntax { .. })));
+    assert!(matches!(
+        read(wrong.as_bytes()),
+        Err(ReadMeshError::Syntax { .. })
+    ));
 }
 
 /// A block of 2 × 2 × 2 whose walls have `extra` corners on each of the edges along x.
@@ -280,9 +291,17 @@ fn instanced(node: &str, rest: &str) -> Vec<u8> {
     let view = |at: usize, length: usize| {
         format!("{{\"buffer\":0,\"byteOffset\":{at},\"byteLength\":{length}}}")
     };
-    let views = [view(0, 96), view(96, 72), view(168, 36), view(204, 36), view(240, 24)];
+    let views = [
+        view(0, 96),
+        view(96, 72),
+        view(168, 36),
+        view(204, 36),
+        view(240, 24),
+    ];
     let accessor = |view: usize, code: u32, count: usize, kind: &str| {
-        format!("{{\"bufferView\":{view},\"componentType\":{code},\"count\":{count},\"type\":\"{kind}\"}}")
+        format!(
+            "{{\"bufferView\":{view},\"componentType\":{code},\"count\":{count},\"type\":\"{kind}\"}}"
+        )
     };
     let accessors = [
         accessor(0, 5126, 8, "VEC3"),
@@ -319,7 +338,10 @@ fn gltf_instances_are_placed_by_what_is_given_of_shift_turn_and_scale() {
         ("\"TRANSLATION\":2", 72.0),
         ("\"SCALE\":3", 24.0 * (1.0 + 8.0 + 1.0)),
         ("\"ROTATION\":4", 72.0),
-        ("\"TRANSLATION\":2,\"ROTATION\":4,\"SCALE\":3,\"_ID\":0", 240.0),
+        (
+            "\"TRANSLATION\":2,\"ROTATION\":4,\"SCALE\":3,\"_ID\":0",
+            240.0,
+        ),
         ("\"TRANSLATION\":5", 72.0),
     ] {
         let file = read(&instanced(&placed_by(attributes), "")).unwrap();
@@ -328,7 +350,11 @@ fn gltf_instances_are_placed_by_what_is_given_of_shift_turn_and_scale() {
     }
     // the second one is twice as large, and 10 to the right
     let file = read(&instanced(&placed_by("\"TRANSLATION\":2,\"SCALE\":3"), "")).unwrap();
-    for (corner, at) in block().positions().iter().zip(&file.mesh.positions()[8..16]) {
+    for (corner, at) in block()
+        .positions()
+        .iter()
+        .zip(&file.mesh.positions()[8..16])
+    {
         assert_eq!(*at, 2.0 * *corner + DVec3::new(10.0, 0.0, 0.0));
     }
     // a quarter turn about z
@@ -337,7 +363,10 @@ fn gltf_instances_are_placed_by_what_is_given_of_shift_turn_and_scale() {
         assert!(at.distance(DVec3::new(-corner.y, corner.x, corner.z)) < 1e-12);
     }
     for (attributes, what) in [
-        ("\"TRANSLATION\":2,\"SCALE\":6", "another number of instances"),
+        (
+            "\"TRANSLATION\":2,\"SCALE\":6",
+            "another number of instances",
+        ),
         ("\"ROTATION\":2", "VEC4"),
         ("\"SCALE\":99", "no such accessor"),
     ] {
@@ -357,7 +386,10 @@ fn gltf_instances_count_for_the_limits() {
     };
     let file = instanced(&placed_by("\"TRANSLATION\":2"), "");
     let outcome = read_mesh(&file[..], &options, &Progress::none());
-    assert!(matches!(outcome, Err(ReadMeshError::TooMany { limit: 30, .. })));
+    assert!(matches!(
+        outcome,
+        Err(ReadMeshError::TooMany { limit: 30, .. })
+    ));
 }
 
 #[test]
@@ -366,12 +398,21 @@ fn gltf_positions_that_are_only_sparse_are_zeros_elsewhere() {
     let text = String::from_utf8(file).unwrap();
     let sparse = text.replace("\"POSITION\":0},\"indices\":1", "\"POSITION\":5}");
     let file = read(sparse.as_bytes()).unwrap();
-    assert_eq!(file.mesh.positions(), [DVec3::ONE, DVec3::ZERO, DVec3::ZERO]);
+    assert_eq!(
+        file.mesh.positions(),
+        [DVec3::ONE, DVec3::ZERO, DVec3::ZERO]
+    );
     // far more of them than bytes
     for count in ["300000000", "18446744073709551615"] {
-        let huge = sparse.replace("\"count\":3,\"type\":\"VEC3\",\"sparse\"", &format!("\"count\":{count},\"type\":\"VEC3\",\"sparse\""));
+        let huge = sparse.replace(
+            "\"count\":3,\"type\":\"VEC3\",\"sparse\"",
+            &format!("\"count\":{count},\"type\":\"VEC3\",\"sparse\""),
+        );
         let outcome = read(huge.as_bytes());
-        assert!(matches!(outcome, Err(ReadMeshError::TooMany { .. })), "{outcome:?}");
+        assert!(
+            matches!(outcome, Err(ReadMeshError::TooMany { .. })),
+            "{outcome:?}"
+        );
     }
 }
 
@@ -399,7 +440,10 @@ fn gltf_poses_are_named_and_hidden_nodes_left_out() {
         (",\"skin\":0", vec![rest_pose("skins")]),
         (",\"weights\":[0,0.5]", vec![rest_pose("morph targets")]),
         (",\"weights\":[0,0]", vec![]),
-        (",\"extensions\":{\"KHR_node_visibility\":{\"visible\":true}}", vec![]),
+        (
+            ",\"extensions\":{\"KHR_node_visibility\":{\"visible\":true}}",
+            vec![],
+        ),
     ] {
         let file = read(&instanced(node, "")).unwrap();
         assert_eq!(file.warnings, expected, "{node}");

@@ -146,6 +146,9 @@ Examples:
 Colors of the vertices of PLY files and texture coordinates of OBJ and glTF files go along where the output has room for them, unless \
 vertices are welded.
 
+A unit other than the millimeter that STL, PLY, OBJ and OFF cannot name stays that of the numbers, and a warning says so; --unit millimeter \
+converts them. Units are converted exactly: an inch is 25.4 mm.
+
 Figures: scale of the coordinates, if units differ; largest_rounding of a coordinate, if the output holds 32-bit floats; \
 welded_vertices and collapsed_triangles, with --weld. If rounding, or STL, which joins vertices at equal places, makes \
 a solid none, a warning says so, and the exit code is 5.";
@@ -261,7 +264,11 @@ pub(super) fn scaled(mesh: TriMesh, scale: UnitRatio, path: &Path) -> Result<Tri
     }
     TriMesh::new(positions, triangles).map_err(|_| JobError::Parameter {
         field: "unit",
-        value: format!("{} times smaller than that of {}", scale.factor(), path.display()),
+        value: format!(
+            "{} times smaller than that of {}",
+            scale.factor(),
+            path.display()
+        ),
         range: "large enough for coordinates to stay finite",
     })
 }
@@ -282,9 +289,7 @@ pub(super) fn rounds(target: &MeshTarget) -> bool {
 /// Scale of coordinates in the output to meters, where the format is glTF and the unit is known.
 pub(super) fn scale_to_meters(target: MeshTarget) -> Option<UnitRatio> {
     match target.format {
-        MeshFormat::Glb | MeshFormat::Gltf => {
-            target.unit.map(|unit| unit.per(LengthUnit::Meter))
-        }
+        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map(|unit| unit.per(LengthUnit::Meter)),
         _ => None,
     }
 }

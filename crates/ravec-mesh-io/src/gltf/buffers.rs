@@ -262,6 +262,7 @@ impl Buffers {
         document: &Document,
         index: usize,
     ) -> Result<impl Iterator<Item = u32> + use<'a>, ReadMeshError> {
+        let rows = self.rows(document, index, "SCALAR", "indices must be of type SCALAR")?;
         let component = Component::of(self.accessor(document, index)?.component_type);
         if !matches!(
             component,
@@ -269,7 +270,6 @@ impl Buffers {
         ) {
             return Err(self.fault(index, "indices must be whole numbers without a sign"));
         }
-        let rows = self.rows(document, index, "SCALAR", "indices must be of type SCALAR")?;
         Ok(rows.map(|[index]: [f64; 1]| index as u32))
     }
 
