@@ -132,6 +132,51 @@ impl fmt::Display for MeshFormat {
     }
 }
 
+/// The ratio of two units of length, a fraction of whole numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UnitRatio {
+    numerator: u32,
+    denominator: u32,
+}
+
+impl UnitRatio {
+    /// `numerator / denominator`, both above 0, in lowest terms.
+    fn new(numerator: u32, denominator: u32) -> Self {
+        let (mut divisor, mut rest) = (numerator, denominator);
+        while rest > 0 {
+            (divisor, rest) = (rest, divisor % rest);
+        }
+        Self {
+            numerator: numerator / divisor,
+            denominator: denominator / divisor,
+        }
+    }
+
+    /// The ratio as the nearest number, such as 25.4.
+    pub fn factor(self) -> f64 {
+        f64::from(self.numerator) / f64::from(self.denominator)
+    }
+
+    /// The length `x` in the other unit.
+    ///
+    /// Numbers that stand for a decimal fraction of at most nine places, as files of text have them, give what that fraction
+    /// gives, rounded once: an inch is exactly 25.4 mm, and 25.4 mm are exactly one inch.
+    #[inline]
+    pub fn apply(self, x: f64) -> f64 {
+        /// The largest number up to which all whole numbers are exact.
+        const EXACT: f64 = 9_007_199_254_740_992.0;
+        let (numerator, denominator) = (f64::from(self.numerator), f64::from(self.denominator));
+        for places in [1e9, 1e6, 1e3] {
+            let whole = (x * places).round();
+            let product = whole * numerator;
+            if product.abs() <= EXACT && whole / places == x {
+                return product / (places * denominator);
+            }
+        }
+        x * numerator / denominator
+    }
+}
+
 /// A unit of length that a file may name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
@@ -175,14 +220,32 @@ impl LengthUnit {
 
     /// Its length in meters.
     pub fn in_meters(self) -> f64 {
+        self.per(Self::Meter).factor()
+    }
+
+    /// Its length in micrometers, which is a whole number for all units.
+    pub fn in_micrometers(self) -> u32 {
         match self {
-            Self::Micron => 1e-6,
-            Self::Millimeter => 1e-3,
-            Self::Centimeter => 1e-2,
-            Self::Inch => 0.0254,
-            Self::Foot => 0.3048,
-            Self::Meter => 1.0,
+            Self::Micron => 1,
+            Self::Millimeter => 1_000,
+            Self::Centimeter => 10_000,
+            Self::Inch => 25_400,
+            Self::Foot => 304_800,
+            Self::Meter => 1_000_000,
         }
+    }
+
+    /// The number of `other` in one of this unit, exactly.
+    ///
+    /// ```
+    /// use ravec_mesh_io::LengthUnit;
+    ///
+    /// let scale = LengthUnit::Inch.per(LengthUnit::Millimeter);
+    /// assert_eq!(scale.apply(0.3), 7.62);
+    /// assert_eq!(LengthUnit::Millimeter.per(LengthUnit::Inch).apply(7.62), 0.3);
+    /// ```
+    pub fn per(self, other: Self) -> UnitRatio {
+        UnitRatio::new(self.in_micrometers(), other.in_micrometers())
     }
 
     /// Its name, as 3MF spells it.
@@ -201,5 +264,51 @@ impl LengthUnit {
 impl fmt::Display for LengthUnit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimal_lengths_are_converted_exactly_and_back() {
+        for (from, to, x, y) in [
+            (LengthUnit::Inch, LengthUnit::Millimeter, 1.0, 25.4),
+            (LengthUnit::Inch, LengthUnit::Centimeter, 0.5, 1.27),
+            (LengthUnit::Inch, LengthUnit::Millimeter, 0.7, 17.78),
+            (LengthUnit::Foot, LengthUnit::Inch, 0.1, 1.2),
+            (LengthUnit::Foot, LengthUnit::Meter, 1.1, 0.33528),
+            (LengthUnit::Meter, LengthUnit::Micron, 0.000_123, 123.0),
+            (LengthUnit::Millimeter, LengthUnit::Meter, -25.4, -0.0254),
+            (LengthUnit::Foot, LengthUnit::Micron, 0.25, 76_200.0),
+        ] {
+            assert_eq!(from.per(to).apply(x), y, "{x} {from}");
+            assert_eq!(to.per(from).apply(y), x, "{y} {to}");
+        }
+        let ratio = LengthUnit::Inch.per(LengthUnit::Millimeter);
+        for i in 1..5000 {
+            let inches = f64::from(i) / 1000.0;
+            let millimeters = f64::from(i) * 254.0 / 10_000.0;
+            assert_eq!(ratio.apply(inches), millimeters);
+        }
+    }
+
+    #[test]
+    fn other_numbers_are_converted_to_the_last_bits_and_zero_keeps_its_sign() {
+        let ratio = LengthUnit::Inch.per(LengthUnit::Millimeter);
+        for x in [std::f64::consts::PI, 1e-20, -7e300, 1.0 / 3.0] {
+            assert!((ratio.apply(x) / (x * 25.4) - 1.0).abs() < 4e-16);
+        }
+        assert!(ratio.apply(-0.0).is_sign_negative());
+        assert_eq!(ratio.factor(), 25.4);
+        let same = LengthUnit::Foot.per(LengthUnit::Foot);
+        assert_eq!((same.factor(), same.apply(1e9 / 7.0)), (1.0, 1e9 / 7.0));
+    }
+
+    #[test]
+    fn units_have_their_length_in_meters() {
+        let meters = LengthUnit::ALL.map(LengthUnit::in_meters);
+        assert_eq!(meters, [1e-6, 1e-3, 1e-2, 0.0254, 0.3048, 1.0]);
     }
 }

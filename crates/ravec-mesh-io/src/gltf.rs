@@ -3,9 +3,10 @@
 //! Read are the triangles of the file's scene (the first if it names none; all nodes if there are no scenes), each placed
 //! by the transforms of its nodes; the coordinates keep the directions of the file (y up) and are in meters. Transforms
 //! that mirror turn the triangles around, so that their outside stays outside. Each use of a mesh makes new vertices.
-//! The first set of texture coordinates is read if it was requested. Materials, normals, colors, skins and morph targets are
-//! left out, points and lines, too. Meshes compressed by an
-//! extension are refused.
+//! The instances of `EXT_mesh_gpu_instancing` are uses of a mesh like others; nodes that `KHR_node_visibility` hides are left
+//! out. The first set of texture coordinates is read if it was requested. Materials, normals, colors, skins and morph targets
+//! are left out, points and lines, too. Meshes compressed by an extension are refused, and so are files that require an
+//! extension which is not known here.
 //!
 //! Cost: the data of the buffers are held in memory, the text is not; of each mesh only those primitives are gone through
 //! again with each use that bring something.
@@ -21,11 +22,11 @@ use ravec_memory::MemoryBudget;
 use ravec_progress::Progress;
 
 use self::buffers::{Buffers, Origins};
-use self::document::{Document, Node, Primitive};
+use self::document::{Document, InstanceAttributes, Node, PACKING, Primitive};
 use self::json::Json;
 use crate::error::{Place, ReadMeshError};
 use crate::number::shown;
-use crate::read::{BufferResolver, MeshFile};
+use crate::read::{BufferResolver, MeshFile, ReadWarning};
 use crate::soup::Soup;
 use crate::source::Source;
 use crate::{LengthUnit, MeshFormat};
@@ -61,7 +62,7 @@ pub(super) fn read(
             return Err(ReadMeshError::syntax(format, place, what));
         }
     };
-    if let Some(extension) = &document.extensions_required {
+    if let Some(extension) = document.extensions_required.names.first() {
         return Err(ReadMeshError::Unsupported {
             format,
             what: format!(
@@ -92,6 +93,7 @@ pub(super) fn read(
         budget,
         progress,
     };
+    scene.name_extensions();
     scene.read()?;
     let soup = scene.soup;
     drop(buffers);
@@ -177,6 +179,19 @@ impl Scene<'_> {
         ReadMeshError::syntax(self.format, Place::Item { of, index }, what)
     }
 
+    /// Warns of the extensions that the file uses and may have its shape from.
+    fn name_extensions(&mut self) {
+        let used = &self.document.extensions_used;
+        let names = used.names.iter();
+        let names = names.filter(|name| !PACKING.contains(&name.as_str()));
+        let names: Vec<_> = names.map(|name| shown(name.as_bytes())).collect();
+        if !names.is_empty() {
+            let more = used.more;
+            self.soup
+                .warn(ReadWarning::UnknownExtensions { names, more });
+        }
+    }
+
     fn read(&mut self) -> Result<(), ReadMeshError> {
         let document = self.document;
         for _ in 0..document.meshes.len() {
@@ -220,15 +235,86 @@ impl Scene<'_> {
             if std::mem::replace(&mut seen[index], true) {
                 return Err(self.fault("node", index, "it has two parents"));
             }
-            let scene_from_node = scene_from_parent * local(node);
-            if node.skin.is_some() {
-                self.soup.ignore("skins");
+            let extensions = node.extensions.as_deref();
+            let visibility = extensions.and_then(|extensions| extensions.visibility.as_ref());
+            if visibility.is_some_and(|visibility| visibility.visible == Some(false)) {
+                self.soup.ignore("nodes that the file hides");
+                continue;
             }
+            let scene_from_node = scene_from_parent * local(node);
             if let Some(mesh) = node.mesh {
-                self.mesh(mesh, &scene_from_node)?;
+                self.remark_on_pose(node, mesh);
+                match extensions.and_then(|extensions| extensions.instancing.as_ref()) {
+                    None => self.mesh(mesh, &scene_from_node)?,
+                    Some(instancing) => {
+                        self.instances(mesh, &instancing.attributes, &scene_from_node)?;
+                    }
+                }
             }
             for &child in node.children.iter().rev() {
                 left.push((child, scene_from_node))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Warns if a node puts its mesh into a pose, which is not done here.
+    fn remark_on_pose(&mut self, node: &Node, mesh: usize) {
+        if node.skin.is_some() {
+            self.soup.warn(ReadWarning::RestPose { of: "skins" });
+        }
+        let of_mesh = || self.document.meshes.get(mesh)?.weights;
+        if node.weights.or_else(of_mesh) == Some(true) {
+            let of = "morph targets";
+            self.soup.warn(ReadWarning::RestPose { of });
+        }
+    }
+
+    /// Adds a mesh once for each element of the accessors that place its instances.
+    fn instances(
+        &mut self,
+        mesh: usize,
+        attributes: &InstanceAttributes,
+        scene_from_node: &DAffine3,
+    ) -> Result<(), ReadMeshError> {
+        let (document, buffers) = (self.document, self.buffers);
+        let &InstanceAttributes {
+            translation,
+            rotation,
+            scale,
+        } = attributes;
+        let points = |accessor: Option<usize>| {
+            accessor
+                .map(|accessor| buffers.points(document, accessor))
+                .transpose()
+        };
+        let (mut shifts, mut scales) = (points(translation)?, points(scale)?);
+        let turns = rotation.map(|accessor| buffers.quaternions(document, accessor));
+        let mut turns = turns.transpose()?;
+        let given = [translation, rotation, scale].into_iter().flatten();
+        let mut counts = given.map(|accessor| (accessor, document.accessors[accessor].count));
+        let Some((_, count)) = counts.next() else {
+            return self.mesh(mesh, scene_from_node);
+        };
+        if let Some((accessor, _)) = counts.find(|&(_, other)| other != count) {
+            let what = "it places another number of instances than the others of its node";
+            return Err(self.fault("accessor", accessor, what));
+        }
+        for _ in 0..count {
+            let before = (self.soup.vertices(), self.soup.triangles());
+            let shift = shifts.as_mut().and_then(Iterator::next);
+            let turn = turns.as_mut().and_then(Iterator::next);
+            let scale = scales.as_mut().and_then(Iterator::next);
+            let turn = turn.map_or(DQuat::IDENTITY, rotation_of);
+            let node_from_instance = DAffine3::from_scale_rotation_translation(
+                scale.map_or(DVec3::ONE, DVec3::from_array),
+                turn,
+                shift.map_or(DVec3::ZERO, DVec3::from_array),
+            );
+            self.mesh(mesh, &(*scene_from_node * node_from_instance))?;
+            if before == (self.soup.vertices(), self.soup.triangles()) {
+                // no limit would end a mesh that brings nothing
+                break;
             }
         }
         Ok(())
@@ -306,6 +392,15 @@ impl Scene<'_> {
             texture,
         };
         let mirrors = scene_from_mesh.matrix3.determinant() < 0.0;
+        let corners = match primitive.indices {
+            None => count,
+            Some(accessor) => self.document.accessors.get(accessor).map_or(0, |a| a.count),
+        };
+        // sparse accessors may have more elements than the file has bytes
+        self.soup.check_room(match mode {
+            4 => corners as u64 / 3,
+            _ => (corners as u64).saturating_sub(2),
+        })?;
         match primitive.indices {
             None => self.triangles(mesh, mode, mirrors, &added, 0..count as u32)?,
             Some(accessor) => {
@@ -484,12 +579,20 @@ fn local(node: &Node) -> DAffine3 {
     let vector = |v: &Option<Box<[f64; 3]>>, default: DVec3| {
         v.as_deref().map_or(default, |&v| DVec3::from_array(v))
     };
-    let rotation = node.rotation.as_deref().map(|&q| DQuat::from_array(q));
-    // A rotation of zero length is ignored.
-    let rotation = rotation.filter(|q| q.length_squared() > 0.0 && q.is_finite());
+    let rotation = node.rotation.as_deref();
     DAffine3::from_scale_rotation_translation(
         vector(&node.scale, DVec3::ONE),
-        rotation.map_or(DQuat::IDENTITY, DQuat::normalize),
+        rotation.map_or(DQuat::IDENTITY, |&rotation| rotation_of(rotation)),
         vector(&node.translation, DVec3::ZERO),
     )
+}
+
+/// The rotation of a quaternion of any length; one of zero length is ignored.
+fn rotation_of(quaternion: [f64; 4]) -> DQuat {
+    let rotation = DQuat::from_array(quaternion);
+    if rotation.length_squared() > 0.0 && rotation.is_finite() {
+        rotation.normalize()
+    } else {
+        DQuat::IDENTITY
+    }
 }

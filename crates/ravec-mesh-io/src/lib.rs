@@ -80,7 +80,7 @@ mod threemf;
 mod write;
 
 pub use error::{Place, ReadMeshError, WriteMeshError};
-pub use format::{LengthUnit, MeshFormat};
+pub use format::{LengthUnit, MeshFormat, UnitRatio};
 pub use objects::{MeshObject, part_of};
 pub use paths::{
     MeshTarget, ReadMeshFileError, UnknownMeshExtension, WriteMeshFileError, read_mesh_file,

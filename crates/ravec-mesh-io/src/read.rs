@@ -191,6 +191,25 @@ pub enum ReadWarning {
     },
     /// The settings of a slicer in a 3MF file could not be read.
     UnreadableSettings,
+    /// The header announces another number of triangles than the file holds; all that are there were read.
+    OtherCount {
+        /// Number in the header; `u32::MAX` in some that were never filled in.
+        announced: u64,
+        /// Number in the file.
+        found: u64,
+    },
+    /// The file puts the mesh into a pose, which was not done.
+    RestPose {
+        /// Means by which it does so, in the plural.
+        of: &'static str,
+    },
+    /// The file uses extensions of its format that are not known here, and may have its shape from them.
+    UnknownExtensions {
+        /// The first few, as they can be shown.
+        names: Vec<String>,
+        /// The number of others.
+        more: u64,
+    },
     /// There is no triangle in the mesh.
     NoTriangles,
 }
@@ -224,11 +243,32 @@ impl fmt::Display for ReadWarning {
             }
             Self::NegativeVolumes { volumes, names } => {
                 let counted = Counted { what: "negative volume", count: *volumes, names };
-                write!(f, "kept {counted} apart from the mesh, to be subtracted from it")
+                write!(f, "kept {counted} apart from the mesh, for subtraction")
             }
             Self::UnreadableSettings => f.write_str(
                 "the settings of the slicer cannot be read: its modifiers and negative volumes are solid here; save the file again",
             ),
+            Self::OtherCount { announced, found } => {
+                write!(
+                    f,
+                    "the header announces {announced} triangles and the file holds {found}, which were read"
+                )?;
+                if (*found + 1..u64::from(u32::MAX)).contains(announced) {
+                    f.write_str("; it may be cut off between two triangles")?;
+                }
+                Ok(())
+            }
+            Self::RestPose { of } => write!(
+                f,
+                "left out the pose that the file gives by {of}: the mesh is as it stands without"
+            ),
+            Self::UnknownExtensions { names, more } => {
+                write!(f, "left out what the extensions {}", names.join(", "))?;
+                if *more > 0 {
+                    write!(f, " and {more} others")?;
+                }
+                f.write_str(" add, which are not read here and may change the shape")
+            }
             Self::NoTriangles => f.write_str("the mesh has no triangles"),
         }
     }

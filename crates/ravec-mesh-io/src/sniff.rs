@@ -7,6 +7,7 @@
 use crate::MeshFormat;
 use crate::number::{integer, words};
 use crate::off::Header;
+use crate::stl::are_facets;
 
 /// Bytes that are examined: 80 triangles of a binary STL file, and what programs write in front of their text.
 pub(super) const HEAD: usize = 1 << 12;
@@ -81,10 +82,15 @@ pub(super) fn is_undecided(head: &[u8]) -> bool {
         let line = line.trim_ascii_start();
         line.is_empty() || line.starts_with(b"#")
     };
-    let end = head.iter().rposition(|&byte| byte == b'\n');
+    let end = head.iter().rposition(ends_line);
     let (whole, last) = head.split_at(end.map_or(0, |end| end + 1));
     let may_go_on = is_comment(last) || last.trim_ascii_start().len() <= LINE;
-    is_text(head) && may_go_on && whole.split(|&byte| byte == b'\n').all(is_comment)
+    is_text(head) && may_go_on && whole.split(ends_line).all(is_comment)
+}
+
+/// Lines end in line feeds, in carriage returns, or in both: then there is an empty one between.
+fn ends_line(byte: &u8) -> bool {
+    matches!(byte, b'\n' | b'\r')
 }
 
 fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
@@ -94,7 +100,7 @@ fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
         let is_json = inside.is_empty() || inside.starts_with(b"\"") || inside.starts_with(b"}");
         return is_json.then_some(MeshFormat::Gltf);
     }
-    for line in head.split(|&byte| byte == b'\n') {
+    for line in head.split(ends_line) {
         let line = line.split(|&byte| byte == b'#').next().unwrap_or(line);
         let mut words = words(line);
         let Some(first) = words.next() else {
@@ -132,11 +138,12 @@ fn looks_like_stl(head: &[u8]) -> bool {
         ordinary += u32::from(number == 0.0 || (1e-12..1e12).contains(&number));
         count += 1;
     }
-    // An empty file has nothing behind its count, as zeros without end have.
+    // An empty file has nothing behind its count, as zeros without end have; a count that was never filled in has triangles.
     let claims_some = head.get(80..84).is_some_and(|claim| claim != [0; 4]);
     // Of random bits three numbers in ten are in this range.
     is_size_of_stl(head, head.len() as u64)
         || claims_some && count > 0 && ordinary * 10 >= count * 6
+        || are_facets(facets)
 }
 
 /// Returns `true` if a binary STL file that begins with `head` has `size` bytes.
@@ -163,6 +170,9 @@ mod tests {
             ),
             ("\u{feff}# comment\n\nv 1 2 3\n", MeshFormat::Obj),
             ("mtllib a.mtl\r\n", MeshFormat::Obj),
+            ("# a\r\rv 1 2 3\r", MeshFormat::Obj),
+            ("# a\rOFF\r8 6 12\r", MeshFormat::Off),
+            ("\rsolid a\rfacet", MeshFormat::StlAscii),
             ("# only a comment", MeshFormat::Obj),
             ("OFF\n8 6 12\n", MeshFormat::Off),
             ("# c\nSTCOFF\n", MeshFormat::Off),
@@ -243,7 +253,13 @@ mod tests {
             assert!(is_undecided(open.as_bytes()), "{open}");
         }
         let long = format!("# a\n{{{}", "x".repeat(70));
-        for decided in ["v\n", "# a\nv 0 0 0\n", long.as_str(), "# a\n\0"] {
+        for decided in [
+            "v\n",
+            "# a\nv 0 0 0\n",
+            "# a\rv 0 0 0\r",
+            long.as_str(),
+            "# a\n\0",
+        ] {
             assert!(!is_undecided(decided.as_bytes()), "{decided}");
         }
     }

@@ -33,6 +33,8 @@ pub(super) struct Source<'a> {
     ended: bool,
     /// The line that `start` is on, from 1.
     line: u64,
+    /// `true` if the last line ended in a carriage return alone.
+    lone_return: bool,
     /// The format to name in errors.
     pub(super) format: MeshFormat,
     pub(super) limits: MeshLimits,
@@ -58,6 +60,7 @@ impl<'a> Source<'a> {
             passed: 0,
             ended: false,
             line: 1,
+            lone_return: false,
             format: MeshFormat::StlBinary,
             limits: options.limits.clone(),
             options: options.clone(),
@@ -204,47 +207,78 @@ impl<'a> Source<'a> {
         Ok(None)
     }
 
-    /// Range in the buffer of the next line; it is passed over.
+    /// Range in the buffer of the next line; it is passed over. A line ends in a line feed, in a carriage return, or in both.
     fn find_line(&mut self) -> Result<Option<(usize, usize, Place)>, ReadMeshError> {
-        let mut seen = 0;
-        let length = loop {
-            let there = &self.buffer[self.start..self.end];
-            if let Some(at) = there[seen..].iter().position(|&byte| byte == b'\n') {
-                break Some(seen + at);
-            }
-            seen = there.len();
-            if seen > MAX_LINE {
-                return Err(self.syntax(self.at_line(), "the line is too long"));
-            }
-            if !self.fill()? {
-                break None;
-            }
-        };
+        let length = self.length_to(|byte| matches!(byte, b'\n' | b'\r'), "line")?;
         if length.is_none() && self.start == self.end {
             return Ok(None);
         }
         let place = self.at_line();
-        let from = self.start;
-        let mut to = length.map_or(self.end, |length| from + length);
-        self.start = length.map_or(self.end, |_| to + 1);
-        self.line += u64::from(length.is_some());
-        if to > from && self.buffer[to - 1] == b'\r' {
-            to -= 1;
+        let (mut gap, mut length) = (0, length);
+        if let Some(length) = length {
+            gap = 1;
+            if self.buffer[self.start + length] == b'\r' {
+                gap += usize::from(self.has_line_feed_at(length + 1)?);
+                self.lone_return = gap == 1;
+            } else {
+                self.lone_return = false;
+            }
         }
-        Ok(Some((from, to, place)))
+        let length = *length.get_or_insert(self.end - self.start);
+        let from = self.start;
+        self.start = from + length + gap;
+        self.line += u64::from(gap > 0);
+        Ok(Some((from, from + length, place)))
+    }
+
+    /// True if a line feed is the byte that comes after `ahead` others.
+    ///
+    /// Behind the header of a binary file whose lines end in carriage returns alone comes data, which may begin with the
+    /// same byte: there the lines before decide.
+    fn has_line_feed_at(&mut self, ahead: usize) -> Result<bool, ReadMeshError> {
+        const END: &[u8] = b"end_header";
+        let line = &self.buffer[self.start..self.start + ahead - 1];
+        if self.lone_return && line.trim_ascii() == END {
+            return Ok(false);
+        }
+        Ok(self.peek(ahead + 1)?.get(ahead) == Some(&b'\n'))
+    }
+
+    /// The number of bytes up to the first one that `ends` a line or a word; nothing if the file has none.
+    fn length_to(
+        &mut self,
+        ends: impl Fn(u8) -> bool,
+        what: &str,
+    ) -> Result<Option<usize>, ReadMeshError> {
+        let mut seen = 0;
+        loop {
+            let there = &self.buffer[self.start..self.end];
+            if let Some(at) = there[seen..].iter().position(|&byte| ends(byte)) {
+                return Ok(Some(seen + at));
+            }
+            seen = there.len();
+            if seen > MAX_LINE {
+                return Err(self.syntax(self.at_line(), format!("the {what} is too long")));
+            }
+            if !self.fill()? {
+                return Ok(None);
+            }
+        }
     }
 
     /// The next word and its place; nothing at the end of the file.
     pub(super) fn word(&mut self) -> Result<Option<(&[u8], Place)>, ReadMeshError> {
+        let mut after_return = false;
         loop {
             let there = &self.buffer[self.start..self.end];
             let gap = there.iter().position(|byte| !byte.is_ascii_whitespace());
             let blank = &there[..gap.unwrap_or(there.len())];
             // Mostly a single byte.
-            self.line += blank
-                .iter()
-                .map(|&byte| u64::from(byte == b'\n'))
-                .sum::<u64>();
+            for &byte in blank {
+                let is_second = byte == b'\n' && after_return;
+                self.line += u64::from(matches!(byte, b'\n' | b'\r') && !is_second);
+                after_return = byte == b'\r';
+            }
             self.start += blank.len();
             if gap.is_some() {
                 break;
@@ -253,20 +287,8 @@ impl<'a> Source<'a> {
                 return Ok(None);
             }
         }
-        let mut seen = 0;
-        let length = loop {
-            let there = &self.buffer[self.start..self.end];
-            if let Some(at) = there[seen..].iter().position(u8::is_ascii_whitespace) {
-                break seen + at;
-            }
-            seen = there.len();
-            if seen > MAX_LINE {
-                return Err(self.syntax(self.at_line(), "the word is too long"));
-            }
-            if !self.fill()? {
-                break seen;
-            }
-        };
+        let length = self.length_to(|byte| byte.is_ascii_whitespace(), "word")?;
+        let length = length.unwrap_or(self.end - self.start);
         let from = self.start;
         self.start += length;
         Ok(Some((&self.buffer[from..from + length], self.at_line())))
@@ -342,5 +364,48 @@ mod tests {
         let expected = [("one", 1), ("two", 1), ("three", 3), ("last", 4)];
         let expected = expected.map(|(word, at)| (word.to_owned(), Place::Line(at)));
         assert_eq!(words, expected);
+    }
+
+    #[test]
+    fn carriage_returns_alone_and_mixed_with_others_end_lines() {
+        let progress = Progress::none();
+        let options = ReadOptions::default();
+        for text in [
+            "a\rb\r\rc\n d\r",
+            "a\r\nb\n\rc\r d\r\n",
+            "a\nb\r\n\rc\r\n d",
+        ] {
+            let expected = [("a", 1), ("b", 2), ("", 3), ("c", 4), (" d", 5)];
+            let mut drip = Drip(text.as_bytes());
+            let mut source = Source::new(&mut drip, &options, &progress).unwrap();
+            for (line, at) in expected {
+                let found = source.line().unwrap();
+                assert_eq!(found, Some((line.as_bytes(), Place::Line(at))), "{text:?}");
+            }
+            assert_eq!(source.line().unwrap(), None);
+            let mut drip = Drip(text.as_bytes());
+            let mut source = Source::new(&mut drip, &options, &progress).unwrap();
+            for (word, at) in [("a", 1), ("b", 2), ("c", 4), ("d", 5)] {
+                let found = source.word().unwrap();
+                assert_eq!(found, Some((word.as_bytes(), Place::Line(at))), "{text:?}");
+            }
+            assert_eq!(source.word().unwrap(), None);
+        }
+    }
+
+    #[test]
+    fn data_behind_a_header_of_carriage_returns_may_begin_with_a_line_feed() {
+        let (progress, options) = (Progress::none(), ReadOptions::default());
+        for (text, data) in [
+            (&b"ply\rend_header\r\nx"[..], &b"\nx"[..]),
+            (b"ply\r\nend_header\r\nx", b"x"),
+            (b"ply\nend_header\n\nx", b"\nx"),
+        ] {
+            let mut drip = Drip(text);
+            let mut source = Source::new(&mut drip, &options, &progress).unwrap();
+            source.line().unwrap();
+            source.line().unwrap();
+            assert_eq!(source.peek(9).unwrap(), data);
+        }
     }
 }

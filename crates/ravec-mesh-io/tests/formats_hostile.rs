@@ -5,8 +5,8 @@ use proptest::prelude::*;
 use ravec_memory::MemoryBudget;
 use ravec_mesh::TriMesh;
 use ravec_mesh_io::{
-    Attributes, MeshFile, MeshFormat, MeshLimits, ReadMeshError, ReadOptions, WriteOptions,
-    read_mesh, write_mesh_with,
+    Attributes, MeshFile, MeshFormat, MeshLimits, ReadMeshError, ReadOptions, ReadWarning,
+    WriteOptions, read_mesh, write_mesh_with,
 };
 use ravec_progress::Progress;
 
@@ -109,7 +109,17 @@ fn a_file_cut_anywhere_is_an_error_or_a_mesh() {
             );
             // And `p` alone is a statement of OBJ.
             let is_mesh = outcome.as_ref().is_ok_and(|file| file.format == format);
-            assert!(text || !is_mesh, "{format} of {length} bytes is a mesh");
+            // Of binary STL whole triangles may be missing, which is remarked.
+            let whole = format == MeshFormat::StlBinary && length > 84 && (length - 84) % 50 == 0;
+            let counted = |warning: &ReadWarning| matches!(warning, ReadWarning::OtherCount { .. });
+            let is_remarked = whole
+                && outcome
+                    .as_ref()
+                    .is_ok_and(|file| file.warnings.iter().any(counted));
+            assert!(
+                text || is_remarked || !is_mesh,
+                "{format} of {length} bytes is a mesh"
+            );
             judge(outcome, &small());
         }
         assert_eq!(read(&file, &small()).unwrap().mesh.triangles().len(), 8);
@@ -278,7 +288,7 @@ fn counts_that_a_header_claims_take_no_memory() {
              property double z\nelement face 199999999\nproperty list uint int vertex_indices\nend_header\n0 0 0\n"
         )
     };
-    let mut stl = vec![0; 84 + 50];
+    let mut stl = vec![0; 84 + 49];
     stl[80..84].copy_from_slice(&199_999_999_u32.to_le_bytes());
     for file in [
         ply("ascii").into_bytes(),

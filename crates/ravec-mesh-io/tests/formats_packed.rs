@@ -108,12 +108,21 @@ fn what_a_3mf_file_has_besides_triangles_is_remarked() {
         ReadWarning::NoTriangles,
     ];
     assert_eq!(file.warnings, expected);
-    let secret = "<model requiredextensions=\"p s\" xmlns:p=\"http://x/production/1\" xmlns:s=\"http://x/secure\"/>";
-    let file = read(&archive(&[("3D/3dmodel.model", secret)])).unwrap();
-    assert_eq!(
-        file.warnings[0],
-        ignored("extensions that the file requires, perhaps for its shape")
-    );
+    let known = "<model requiredextensions=\"p b\" xmlns:p=\"http://x/production/1\" xmlns:b=\"http://x/beamlattice/2\"/>";
+    let file = read(&archive(&[("3D/3dmodel.model", known)])).unwrap();
+    assert_eq!(file.warnings, [ReadWarning::NoTriangles]);
+    for (declared, named) in [
+        (" xmlns:s=\"http://x/booleans/1\"", "booleans"),
+        ("", "extension s,"),
+    ] {
+        let text = format!(
+            "<model requiredextensions=\"p s\" xmlns:p=\"http://x/production/1\"{declared}/>"
+        );
+        match read(&archive(&[("3D/3dmodel.model", &text)])) {
+            Err(ReadMeshError::Unsupported { what, .. }) => assert!(what.contains(named), "{what}"),
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 #[test]

@@ -388,3 +388,46 @@ fn welding_joins_triangles_and_drops_those_that_collapse() {
         crate::program::report(folder.path(), "mesh convert apart.obj -o b.obj --weld 0.9");
     assert!(figure(&report, "collapsed_triangles") > 0.0);
 }
+
+#[test]
+fn an_inch_is_exactly_its_millimeters() {
+    let folder = folder();
+    let at = folder.path();
+    let of = |text: String, name: &str| std::fs::write(at.join(name), text).unwrap();
+    of(cuboid(1.0, 0.5, 0.3).obj(), "inch.obj");
+    of(cuboid(25.4, 12.7, 7.62).obj(), "mm.obj");
+    done(at, "mesh convert inch.obj -o inch.3mf --from-unit inch");
+    done(at, "mesh convert mm.obj -o mm.3mf --from-unit millimeter");
+    for files in ["inch.3mf mm.3mf", "mm.3mf inch.3mf"] {
+        let report = report(at, &format!("boolean a-b {files} -o out.3mf"));
+        assert_eq!(figure(&report, "triangles"), 0.0, "{files}");
+    }
+}
+
+#[test]
+fn a_unit_that_a_format_cannot_name_is_remarked() {
+    let folder = folder();
+    let at = folder.path();
+    done(at, "mesh convert box.obj -o inch.3mf --from-unit inch");
+    done(at, "mesh convert box.obj -o mm.3mf --from-unit millimeter");
+    for arguments in [
+        "mesh convert inch.3mf -o out.stl",
+        "mesh simplify inch.3mf -o out.ply --triangles 12",
+        "boolean union inch.3mf box.obj -o out.off",
+        "offset inch.3mf -o out.obj -d 0.5",
+    ] {
+        let warned = |arguments: &str| {
+            let report = report(at, arguments);
+            let warnings = report["warnings"].as_array().unwrap().clone();
+            let said = |warning: &&Value| warning.as_str().unwrap().contains("names no unit");
+            warnings.iter().filter(said).count()
+        };
+        assert_eq!(warned(arguments), 1, "{arguments}");
+        assert_eq!(warned(&arguments.replace("inch", "mm")), 0);
+        let keeps = arguments.rsplit_once("out.").unwrap().0.to_owned() + "out.3mf";
+        if arguments.starts_with("mesh convert") {
+            assert_eq!(warned(&keeps), 0);
+            assert_eq!(warned(&format!("{arguments} --unit millimeter")), 0);
+        }
+    }
+}

@@ -7,7 +7,8 @@ mod picture;
 mod place;
 
 use super::as_read::{coordinates_of, joins_places};
-use super::convert::{Output, rounds, scaled, unit_scale as meters_per_unit};
+use super::convert::{Output, rounds, scale_to_meters, scaled};
+use super::files::{CONVERT_FIRST, record_unit_loss};
 use super::{MeshTarget, Viewpoint};
 use crate::context::Context;
 use crate::error::JobError;
@@ -21,7 +22,7 @@ use ravec::boolean::{
     BooleanError, BooleanReport, CloseRule, Expr, Inside, OpenRule, ParseExprError,
 };
 use ravec::mesh::{Coordinates, TriMesh};
-use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat};
+use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat, UnitRatio};
 use ravec::mesh_render::View;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -334,9 +335,9 @@ impl Operation for Boolean {
 }
 
 /// Scale of coordinates in a unit to those in that of the first mesh, if both are known and differ.
-pub fn unit_scale(unit: Option<LengthUnit>, first: Option<LengthUnit>) -> Option<f64> {
+pub fn unit_scale(unit: Option<LengthUnit>, first: Option<LengthUnit>) -> Option<UnitRatio> {
     let (unit, first) = unit.zip(first)?;
-    (unit != first).then(|| unit.in_meters() / first.in_meters())
+    (unit != first).then(|| unit.per(first))
 }
 
 /// Input as read.
@@ -391,8 +392,9 @@ impl Boolean {
                 && let Some(scale) = unit_scale(unit, target.unit)
             {
                 report.record_changed(format!(
-                "{} is in units of one {from}: it was scaled by {scale} to the {to} of the first mesh",
-                path.display()
+                "{} is in units of one {from}: it was scaled by {} to the {to} of the first mesh",
+                path.display(),
+                scale.factor()
             ));
                 file.mesh = scaled(file.mesh, scale, path)?;
             }
@@ -411,8 +413,13 @@ impl Boolean {
         // an expression always names a mesh
         let mut target = target.unwrap_or(output);
         // rounding depends on the unit: what is judged has to be what is written
-        let scale = meters_per_unit(target);
-        if scale != 1.0 {
+        if params.unit.is_none()
+            && let Some(&first) = used.first()
+        {
+            let path = &files[first].path;
+            record_unit_loss(path, &self.output, &target, CONVERT_FIRST, report, context);
+        }
+        if let Some(scale) = scale_to_meters(target) {
             for &i in used {
                 meshes[i] = scaled(std::mem::take(&mut meshes[i]), scale, &files[i].path)?;
             }

@@ -1,6 +1,7 @@
 //! `mesh convert`: a mesh in another format, unit or precision.
 
 use super::as_read::as_read;
+use super::files::record_unit_loss;
 use super::judge::judge_written;
 use super::{Length, MeshTarget, weld};
 use crate::context::Context;
@@ -9,7 +10,7 @@ use crate::files::is_stream;
 use crate::operation::Operation;
 use crate::report::Report;
 use ravec::mesh::TriMesh;
-use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat, Precision};
+use ravec::mesh_io::{Attributes, LengthUnit, MeshFile, MeshFormat, Precision, UnitRatio};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -152,6 +153,9 @@ Examples:
 Colors of the vertices of PLY files and texture coordinates of OBJ and glTF files go along where the output has room for them, unless \
 vertices are welded.
 
+A unit other than the millimeter that STL, PLY, OBJ and OFF cannot name stays that of the numbers, and a warning says so; --unit millimeter \
+converts them. Units are converted exactly: an inch is 25.4 mm.
+
 Figures: scale of the coordinates, if units differ; largest_rounding of a coordinate, if the output holds 32-bit floats; \
 welded_vertices and collapsed_triangles, with --weld. If rounding, or STL, which joins vertices at equal places, makes \
 a solid none, a warning says so, and the exit code is 5.";
@@ -233,8 +237,8 @@ impl Operation for Convert {
         progress.check()?;
         let mesh = match (from, target.unit) {
             (Some(from), Some(to)) if from != to => {
-                let scale = from.in_meters() / to.in_meters();
-                report.figures.insert("scale", scale);
+                let scale = from.per(to);
+                report.figures.insert("scale", scale.factor());
                 scaled(mesh, scale, input)?
             }
             _ => mesh,
@@ -243,6 +247,10 @@ impl Operation for Convert {
             report
                 .figures
                 .insert("largest_rounding", largest_rounding(&mesh, target));
+        }
+        if params.unit.is_none() {
+            let cure = "`unit` millimeter converts them";
+            record_unit_loss(input, output, &target, cure, &mut report, context);
         }
         // a file that holds the mesh as it is needs no verdict
         if as_read(&mesh, &target, progress)?.is_some_and(|read| read != mesh) {
@@ -258,14 +266,18 @@ impl Operation for Convert {
     }
 }
 
-pub(super) fn scaled(mesh: TriMesh, scale: f64, path: &Path) -> Result<TriMesh, JobError> {
+pub(super) fn scaled(mesh: TriMesh, scale: UnitRatio, path: &Path) -> Result<TriMesh, JobError> {
     let (mut positions, triangles) = mesh.into_parts();
     for position in &mut positions {
-        *position *= scale;
+        *position = position.map(|x| scale.apply(x));
     }
     TriMesh::new(positions, triangles).map_err(|_| JobError::Parameter {
         field: "unit",
-        value: format!("{scale} times smaller than that of {}", path.display()),
+        value: format!(
+            "{} times smaller than that of {}",
+            scale.factor(),
+            path.display()
+        ),
         range: "large enough for coordinates to stay finite",
     })
 }
@@ -283,12 +295,17 @@ pub(super) fn rounds(target: &MeshTarget) -> bool {
         )
 }
 
-/// Scale factor of coordinates in the output: glTF is in meters.
-pub(super) fn unit_scale(target: MeshTarget) -> f64 {
+/// Scale of coordinates in the output to meters, where the format is glTF and the unit is known.
+pub(super) fn scale_to_meters(target: MeshTarget) -> Option<UnitRatio> {
     match target.format {
-        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map_or(1.0, LengthUnit::in_meters),
-        _ => 1.0,
+        MeshFormat::Glb | MeshFormat::Gltf => target.unit.map(|unit| unit.per(LengthUnit::Meter)),
+        _ => None,
     }
+}
+
+/// Factor by which readers of the output multiply its coordinates: glTF is in meters.
+pub(super) fn unit_scale(target: MeshTarget) -> f64 {
+    scale_to_meters(target).map_or(1.0, UnitRatio::factor)
 }
 
 /// Largest change of a coordinate.

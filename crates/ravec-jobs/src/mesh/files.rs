@@ -99,9 +99,11 @@ fn read_recorded(
                 report.record_changed(sentence);
             }
             ReadWarning::NegativeVolumes { .. } => {
-                report.record_changed(format!("{sentence}, which was done"));
+                report.record_changed(format!("{sentence}; they were subtracted"));
             }
-            ReadWarning::NoEnd | ReadWarning::UnreadableSettings => report.record_assumed(sentence),
+            ReadWarning::NoEnd
+            | ReadWarning::OtherCount { .. }
+            | ReadWarning::UnreadableSettings => report.record_assumed(sentence),
             _ => report.record_dropped(sentence),
         }
     }
@@ -109,6 +111,40 @@ fn read_recorded(
     report.inputs.push(described);
     negative::subtract(&mut file, path, report, &context.progress)?;
     Ok(file)
+}
+
+/// Advice of operations whose coordinates stay in the unit of their input.
+pub(super) const CONVERT_FIRST: &str =
+    "mesh convert with its `unit` millimeter converts the input before";
+
+/// Records that the unit of `input`, other than the millimeter, is lost in a file of a format that names none.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "taken as when it is written"
+)]
+pub(super) fn record_unit_loss(
+    input: &Path,
+    output: &Path,
+    target: &MeshTarget,
+    cure: &str,
+    report: &mut Report,
+    context: &Context,
+) {
+    let keeps = matches!(
+        target.format,
+        MeshFormat::ThreeMf | MeshFormat::Glb | MeshFormat::Gltf
+    );
+    let unit = target.unit.filter(|&unit| unit != LengthUnit::Millimeter);
+    if let Some(unit) = unit
+        && !keeps
+        && !context.is_intermediate(output)
+    {
+        report.record_dropped(format!(
+            "{} is in units of one {unit}: the numbers stay, but {} names no unit, and most programs take it for millimeters; {cure}",
+            input.display(),
+            target.format
+        ));
+    }
 }
 
 /// Writes a mesh, whole or not at all, or keeps it in memory, and records it.

@@ -51,11 +51,7 @@ impl Length {
         match (self, unit) {
             (Self::Units(length), _) => Ok(length),
             (Self::Percent(percent), _) => Ok(percent / 100.0 * diagonal),
-            // exact where no conversion is needed
-            (Self::Physical(number, of), Some(unit)) if of == unit => Ok(number),
-            (Self::Physical(number, of), Some(unit)) => {
-                Ok(number * of.in_meters() / unit.in_meters())
-            }
+            (Self::Physical(number, of), Some(unit)) => Ok(of.per(unit).apply(number)),
             (Self::Physical(..), None) => Err(JobError::Parameter {
                 field,
                 value: self.to_string(),

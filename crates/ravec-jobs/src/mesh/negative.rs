@@ -69,7 +69,7 @@ fn difference(
             .chain(&done.doubts)
             .map(ToString::to_string)
             .collect();
-        report.warn(format!(
+        report.record_assumed(format!(
             "{}: the object {:?} without its negative volumes is no clean solid; check its volumes: {}",
             path.display(),
             object.name,

@@ -2,7 +2,8 @@
 
 mod walls;
 
-use super::convert::{Content, Output, Start, rounds, scaled, unit_scale};
+use super::convert::{Content, Output, Start, rounds, scale_to_meters, scaled};
+use super::files::{CONVERT_FIRST, record_unit_loss};
 use super::{Length, weld};
 use crate::context::Context;
 use crate::error::JobError;
@@ -327,14 +328,18 @@ impl Operation for Offset {
         let diagonal = mesh.bounds().diagonal();
         let lengths = params.of(diagonal, target.unit)?;
         // rounding depends on the unit: what is judged has to be what is written
-        let scale = unit_scale(target);
-        if scale != 1.0 {
+        if params.unit.is_none() {
+            record_unit_loss(input, output, &target, CONVERT_FIRST, &mut report, context);
+        }
+        let scale = scale_to_meters(target);
+        if let Some(scale) = scale {
             mesh = scaled(mesh, scale, input)?;
             target.unit = Some(LengthUnit::Meter);
         }
-        let [distance, tolerance] = lengths.map(|length| scale * length);
+        let in_file = |length: f64| scale.map_or(length, |scale| scale.apply(length));
+        let [distance, tolerance] = lengths.map(in_file);
         report.figures.extend([
-            ("diagonal", scale * diagonal),
+            ("diagonal", in_file(diagonal)),
             ("distance", distance),
             ("tolerance", tolerance),
         ]);

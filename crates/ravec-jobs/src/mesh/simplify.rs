@@ -1,6 +1,7 @@
 //! `mesh simplify`: fewer triangles for nearly the same surface.
 
 use super::convert::{Content, Output, Start};
+use super::files::{CONVERT_FIRST, record_unit_loss};
 use super::judge::judge_written;
 use super::{Length, weld};
 use crate::context::Context;
@@ -220,6 +221,7 @@ impl Operation for Simplify {
                 ));
             }
         }
+        record_unit_loss(input, output, &target, CONVERT_FIRST, &mut report, context);
         judge_written(&mesh, &simple.mesh, &target, &mut report, progress)?;
         super::write(output, &simple.mesh, &target, &mut report, context)?;
         Ok(report)

@@ -192,6 +192,15 @@ impl Buffers {
         self.rows(document, index, "VEC3", "positions must be of type VEC3")
     }
 
+    /// The quaternions that accessor `index` holds, of any length.
+    pub(super) fn quaternions<'a>(
+        &'a self,
+        document: &Document,
+        index: usize,
+    ) -> Result<impl ExactSizeIterator<Item = [f64; 4]> + use<'a>, ReadMeshError> {
+        self.rows(document, index, "VEC4", "rotations must be of type VEC4")
+    }
+
     /// The pairs of numbers that accessor `index` holds.
     pub(super) fn pairs<'a>(
         &'a self,
@@ -214,29 +223,36 @@ impl Buffers {
         if accessor.kind != kind {
             return Err(self.fault(index, wrong));
         }
-        let span = self.span(document, index, accessor, N)?;
+        let base = self.span(document, index, accessor, N)?;
         // The elements that are replaced, in ascending order as the format demands.
         let mut replaced = 0..0;
-        let (mut indices, mut values) = (span, span);
-        if let Some(sparse) = &accessor.sparse {
+        let mut sparse = None;
+        if let Some(others) = &accessor.sparse {
             let part = |part: &Part, code, group| {
-                self.part(document, index, part, code, sparse.count, group)
+                self.part(document, index, part, code, others.count, group)
             };
-            let code = sparse.indices.component_type.unwrap_or(0);
-            indices = part(&sparse.indices, code, 1)?;
-            values = part(&sparse.values, accessor.component_type, N)?;
-            values.normalized = span.normalized;
-            replaced = 0..sparse.count;
+            let code = others.indices.component_type.unwrap_or(0);
+            let indices = part(&others.indices, code, 1)?;
+            let mut values = part(&others.values, accessor.component_type, N)?;
+            values.normalized = accessor.normalized && N > 1;
+            sparse = Some((indices, values));
+            replaced = 0..others.count;
+        } else if base.is_none() {
+            return Err(self.fault(
+                index,
+                "it has no data of its own; meshes that are all zeros or packed by an extension are not read",
+            ));
         }
         Ok((0..accessor.count).map(move |i| {
-            while !replaced.is_empty() && indices.number(replaced.start, 0) < i as f64 {
-                replaced.start += 1;
+            if let Some((indices, values)) = &sparse {
+                while !replaced.is_empty() && indices.number(replaced.start, 0) < i as f64 {
+                    replaced.start += 1;
+                }
+                if !replaced.is_empty() && indices.number(replaced.start, 0) == i as f64 {
+                    return values.row(replaced.start);
+                }
             }
-            if !replaced.is_empty() && indices.number(replaced.start, 0) == i as f64 {
-                values.row(replaced.start)
-            } else {
-                span.row(i)
-            }
+            base.map_or([0.0; N], |base| base.row(i))
         }))
     }
 
@@ -246,33 +262,27 @@ impl Buffers {
         document: &Document,
         index: usize,
     ) -> Result<impl Iterator<Item = u32> + use<'a>, ReadMeshError> {
-        let accessor = self.accessor(document, index)?;
-        if accessor.kind != "SCALAR" || accessor.sparse.is_some() {
-            return Err(self.fault(index, "indices must be of type SCALAR and not sparse"));
-        }
-        let span = self.span(document, index, accessor, 1)?;
+        let rows = self.rows(document, index, "SCALAR", "indices must be of type SCALAR")?;
+        let component = Component::of(self.accessor(document, index)?.component_type);
         if !matches!(
-            span.component,
-            Component::U8 | Component::U16 | Component::U32
+            component,
+            Some(Component::U8 | Component::U16 | Component::U32)
         ) {
             return Err(self.fault(index, "indices must be whole numbers without a sign"));
         }
-        Ok((0..accessor.count).map(move |i| span.number(i, 0) as u32))
+        Ok(rows.map(|[index]: [f64; 1]| index as u32))
     }
 
-    /// The numbers of an accessor, all of them inside of its buffer.
+    /// The numbers of an accessor, all of them inside of its buffer; nothing if it has no buffer view.
     fn span(
         &self,
         document: &Document,
         index: usize,
         accessor: &Accessor,
         group: usize,
-    ) -> Result<Span<'_>, ReadMeshError> {
+    ) -> Result<Option<Span<'_>>, ReadMeshError> {
         let Some(buffer_view) = accessor.buffer_view else {
-            return Err(self.fault(
-                index,
-                "it has no data of its own; meshes that are all zeros or packed by an extension are not read",
-            ));
+            return Ok(None);
         };
         let part = Part {
             buffer_view,
@@ -281,10 +291,10 @@ impl Buffers {
         };
         let code = accessor.component_type;
         let span = self.part(document, index, &part, code, accessor.count, group)?;
-        Ok(Span {
-            normalized: accessor.normalized && group == 3,
+        Ok(Some(Span {
+            normalized: accessor.normalized && group > 1,
             ..span
-        })
+        }))
     }
 
     fn part(

@@ -20,9 +20,11 @@ pub(super) struct Document {
     pub(super) buffer_views: Vec<BufferView>,
     #[serde(default)]
     pub(super) buffers: Vec<Buffer>,
-    #[serde(default, deserialize_with = "harmful")]
-    /// The first one that is not known to be harmless.
-    pub(super) extensions_required: Option<String>,
+    /// Those that are neither read nor known to leave the shape as it is.
+    #[serde(default, deserialize_with = "unknown")]
+    pub(super) extensions_required: Unknown,
+    #[serde(default, deserialize_with = "unknown")]
+    pub(super) extensions_used: Unknown,
 }
 
 #[derive(serde::Deserialize)]
@@ -40,13 +42,51 @@ pub(super) struct Node {
     pub(super) translation: Option<Box<[f64; 3]>>,
     pub(super) rotation: Option<Box<[f64; 4]>>,
     pub(super) scale: Option<Box<[f64; 3]>>,
-    pub(super) skin: Option<usize>,
+    pub(super) skin: Option<serde::de::IgnoredAny>,
+    /// `true` if some weight of a morph target is not 0; nothing if those of the mesh count.
+    #[serde(default, deserialize_with = "has_weight")]
+    pub(super) weights: Option<bool>,
+    pub(super) extensions: Option<Box<NodeExtensions>>,
+}
+
+/// Extensions of nodes that are read.
+#[derive(serde::Deserialize)]
+pub(super) struct NodeExtensions {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub(super) instancing: Option<Instancing>,
+    #[serde(rename = "KHR_node_visibility")]
+    pub(super) visibility: Option<Visibility>,
+}
+
+#[derive(serde::Deserialize)]
+pub(super) struct Instancing {
+    #[serde(default)]
+    pub(super) attributes: InstanceAttributes,
+}
+
+/// The accessors that place the instances of a mesh.
+#[derive(serde::Deserialize, Default)]
+pub(super) struct InstanceAttributes {
+    #[serde(rename = "TRANSLATION")]
+    pub(super) translation: Option<usize>,
+    #[serde(rename = "ROTATION")]
+    pub(super) rotation: Option<usize>,
+    #[serde(rename = "SCALE")]
+    pub(super) scale: Option<usize>,
+}
+
+#[derive(serde::Deserialize)]
+pub(super) struct Visibility {
+    pub(super) visible: Option<bool>,
 }
 
 #[derive(serde::Deserialize)]
 pub(super) struct Mesh {
     #[serde(default)]
     pub(super) primitives: Vec<Primitive>,
+    /// `true` if some weight of a morph target is not 0.
+    #[serde(default, deserialize_with = "has_weight")]
+    pub(super) weights: Option<bool>,
 }
 
 #[derive(serde::Deserialize)]
@@ -121,39 +161,99 @@ pub(super) struct Buffer {
     pub(super) byte_length: usize,
 }
 
-/// Extensions that a file may demand: these do not change where the triangles are.
-const HARMLESS: [&str; 4] = [
+/// Beginnings of the names of extensions that are read, or do not change where the triangles are.
+const HARMLESS: [&str; 20] = [
     "KHR_mesh_quantization",
+    "EXT_mesh_gpu_instancing",
+    "KHR_node_visibility",
     "KHR_texture_",
     "KHR_materials_",
+    "KHR_lights_",
+    "KHR_xmp",
+    "KHR_animation",
+    "KHR_audio",
+    "KHR_techniques_webgl",
+    "KHR_physics_",
     "EXT_texture_",
+    "EXT_materials_",
+    "EXT_lights_",
+    "EXT_mesh_features",
+    "EXT_instance_features",
+    "EXT_structural_metadata",
+    "MSFT_texture_",
+    "ADOBE_materials_",
+    "MSFT_lod",
 ];
 
-/// The first extension of a list that is not harmless.
-fn harmful<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    struct Harmful;
+/// Extensions that pack a mesh. A file that uses one without requiring it has the mesh as it is, too.
+pub(super) const PACKING: [&str; 3] = [
+    "KHR_draco_mesh_compression",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
+];
 
-    impl<'de> Visitor<'de> for Harmful {
-        type Value = Option<String>;
+/// The most unknown extensions that are named.
+const MAX_NAMED: usize = 3;
+
+/// The first few unknown extensions of a list.
+#[derive(Default)]
+pub(super) struct Unknown {
+    pub(super) names: Vec<String>,
+    /// The number of those that are not among `names`.
+    pub(super) more: u64,
+}
+
+fn unknown<'de, D: Deserializer<'de>>(from: D) -> Result<Unknown, D::Error> {
+    struct List;
+
+    impl<'de> Visitor<'de> for List {
+        type Value = Unknown;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
             f.write_str("a list of names")
         }
 
-        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Option<String>, A::Error> {
-            let mut harmful = None;
+        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Unknown, A::Error> {
+            let mut unknown = Unknown::default();
             while let Some(Name(name)) = items.next_element()? {
-                let is_harmless = HARMLESS.iter().any(|harmless| name.starts_with(harmless));
-                if harmful.is_none() && !is_harmless {
-                    harmful = Some(name);
+                if HARMLESS.iter().any(|harmless| name.starts_with(harmless)) {
+                    continue;
+                }
+                if unknown.names.len() < MAX_NAMED {
+                    unknown.names.push(name);
+                } else {
+                    unknown.more += 1;
                 }
             }
-            Ok(harmful)
+            Ok(unknown)
         }
     }
 
     #[derive(serde::Deserialize)]
     struct Name(String);
 
-    from.deserialize_seq(Harmful)
+    from.deserialize_seq(List)
+}
+
+/// Says whether a list of weights has one that is not 0.
+fn has_weight<'de, D: Deserializer<'de>>(from: D) -> Result<Option<bool>, D::Error> {
+    struct List;
+
+    impl<'de> Visitor<'de> for List {
+        type Value = Option<bool>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a list of numbers")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Self::Value, A::Error> {
+            let mut found = false;
+            while let Some(weight) = items.next_element::<f64>()? {
+                found |= weight != 0.0;
+            }
+            Ok(Some(found))
+        }
+    }
+
+    from.deserialize_seq(List)
 }

@@ -17,7 +17,7 @@ use ravec_memory::ReservedVec;
 /// In front of the number of data that were taken out: no address of a file begins so.
 const MARK: char = '\0';
 
-/// The most bytes that a `{`, a `[` and a `,` cost. The largest things that a brace begins are nodes (88 bytes), those that a comma
+/// The most bytes that a `{`, a `[` and a `,` cost. The largest things that a brace begins are nodes (at most 96 bytes), those that a comma
 /// separates numbers (8 bytes) and a bracket lists of one (32 bytes): three times as much while a list grows, and a list begins
 /// with room for four.
 const BRACE: u64 = 288;

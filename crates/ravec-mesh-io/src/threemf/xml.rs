@@ -386,22 +386,25 @@ impl Builder<'_> {
             return Err(self.fault(format!("`{unit}` is not a unit of length")));
         }
         self.model.unit = unit.unwrap_or(self.model.unit);
-        // the prefixes, and whether what they stand for leaves the shape as it is
+        if too_long {
+            return Err(self.fault("it requires more extensions than are read"));
+        }
+        // the prefixes, whether what they stand for is read or named where it is left out, and its name
         let words = required.split_ascii_whitespace();
-        let mut prefixes: Vec<(&str, bool)> = words.map(|prefix| (prefix, false)).collect();
+        let mut prefixes: Vec<(&str, bool, String)> =
+            words.map(|prefix| (prefix, false, String::new())).collect();
         prefixes.sort_unstable();
         prefixes.dedup();
         self.attributes(tag, |key, value| {
-            if (value.contains("/material/") || value.contains("/production/"))
-                && let Ok(at) = prefixes.binary_search_by_key(&key, |(prefix, _)| prefix)
-            {
-                prefixes[at].1 = true;
+            if let Ok(at) = prefixes.binary_search_by_key(&key, |(prefix, ..)| prefix) {
+                prefixes[at].1 = KNOWN.iter().any(|known| value.contains(known));
+                prefixes[at].2 = shown(value.as_bytes());
             }
         })?;
-        if too_long || prefixes.iter().any(|(_, harmless)| !harmless) {
-            self.ignore("extensions that the file requires, perhaps for its shape");
+        match prefixes.iter().find(|(_, known, _)| !known) {
+            Some((prefix, _, name)) => Err(unread(required_by_name(prefix, name))),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     fn vertex(&mut self, tag: &BytesStart<'_>) -> Result<(), ReadMeshError> {
@@ -500,6 +503,33 @@ pub(super) fn text(value: &str) -> String {
     let end = value.floor_char_boundary(MAX_TEXT);
     let value = &value[..end];
     quick_xml::escape::unescape(value).map_or_else(|_| value.to_owned(), Into::into)
+}
+
+/// Parts of the names of extensions that a file may require: they leave the shape as it is, or what is left out is named.
+const KNOWN: [&str; 5] = [
+    "/material/",
+    "/production/",
+    "/trianglesets/",
+    "/beamlattice/",
+    "/slice/",
+];
+
+/// An extension as it is shown: by its name if the file gives it, else by its prefix.
+fn required_by_name(prefix: &str, name: &str) -> String {
+    if name.is_empty() {
+        shown(prefix.as_bytes())
+    } else {
+        format!("`{name}`")
+    }
+}
+
+fn unread(extension: String) -> ReadMeshError {
+    ReadMeshError::Unsupported {
+        format: MeshFormat::ThreeMf,
+        what: format!(
+            "the file needs the extension {extension}, which is not read here; save it without extensions"
+        ),
+    }
 }
 
 pub(super) fn index(value: &str) -> Option<u32> {

@@ -5,7 +5,7 @@ use crate::document::EditId;
 use crate::view::mesh::ShownMesh;
 use glam::{DAffine3, DVec3};
 use ravec::mesh::{Aabb, Adjacency, Bvh, TriMesh};
-use ravec::mesh_io::LengthUnit;
+use ravec::mesh_io::{LengthUnit, UnitRatio};
 use ravec::mesh_render::Sight;
 use ravec::progress::Progress;
 use ravec_jobs::Context;
@@ -196,7 +196,7 @@ impl Library {
             NamedPart {
                 name,
                 part,
-                scale: scale.unwrap_or(1.0),
+                scale: scale.map_or(1.0, UnitRatio::factor),
             }
         });
         Some(Scene {
