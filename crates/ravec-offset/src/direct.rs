@@ -11,7 +11,7 @@
 //! is no such surface, and an octree takes over.
 //!
 //! Does not cover: vertices with concave edges between more than two sectors, such as the foot of an edge that rises from a floor,
-//! and triangles without area. One of these leaves the whole mesh to an octree.
+//! tips of cones, and triangles without area. One of these leaves the whole mesh to an octree.
 //!
 //! Guarantees: as for the surface of an octree. Every point of the true offset has a point of the surface near it, too: both
 //! come from the mesh by a motion that stays within the distance plus the tolerance.

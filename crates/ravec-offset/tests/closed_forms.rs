@@ -117,11 +117,7 @@ fn outer_offsets_of_convex_solids_have_the_volume_of_steiners_formula() {
 #[test]
 fn small_clearances_cost_as_much_as_the_mesh_has_detail() {
     let (distance, tolerance) = (5e-4, 2e-5);
-    for solid in [
-        cuboid(dvec3(2.0, 1.5, 1.0)),
-        cylinder(0.8, 2.0, 24),
-        cone(1.0, 1.6, 24),
-    ] {
+    for solid in [cuboid(dvec3(2.0, 1.5, 1.0)), cylinder(0.8, 2.0, 24)] {
         let convex = Convex::of(&solid.mesh);
         for simplify in [false, true] {
             let asked = params(Side::Outer, distance, tolerance, simplify);

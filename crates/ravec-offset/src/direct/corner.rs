@@ -124,14 +124,13 @@ impl Vertex<'_> {
         while sectors.len() < cuts.len() {
             let k = sectors.len();
             let (cut, len) = (cuts[k], sector_len(&cuts, k, count));
-            match self.miter(cut, len, shape) {
-                Some(displacement) => sectors.push(Sector { cut, displacement }),
-                None => {
-                    let within = (cut + 1..cut + len).map(|i| i % count).max_by(by_angle)?;
-                    cuts.push(within);
-                    cuts.sort_unstable();
-                    sectors.clear();
-                }
+            if let Some(displacement) = self.miter(cut, len, shape) {
+                sectors.push(Sector { cut, displacement });
+            } else {
+                let within = (cut + 1..cut + len).map(|i| i % count).max_by(by_angle)?;
+                cuts.push(within);
+                cuts.sort_unstable();
+                sectors.clear();
             }
         }
         // concave edges between sectors are mitered
