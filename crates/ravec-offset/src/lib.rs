@@ -38,6 +38,7 @@
 //! | `repair` | rounds of the steps above, until no defect remains |
 //! | `finish` | simplification, measurement, checks |
 //! | `task` | a checked offset with its inputs |
+//! | `direct` | offsets that are small beside the features, without an octree |
 //! | `thicken` | sheets |
 //! | `offset`, `offset_cells`, `draft` | entry points |
 //! | `pieces` | offsets whose steps other processes run |
@@ -93,7 +94,12 @@
 //! proof that costs less than one. A round of repair examines changes and their surroundings. With limited memory, each round
 //! reads and writes the tiles that it affects, and data shared between tiles is computed for each. Simplification takes at most
 //! about ten searches per removed vertex.
+//!
+//! A distance below 0.8 % of the diagonal would need cells in proportion to the lengths of edges over the distance. There the
+//! surface of a closed mesh is built from its moved triangles, if these can be proved, at a cost that does not depend on the
+//! distance.
 
+mod direct;
 mod domain;
 mod draft;
 mod extract;

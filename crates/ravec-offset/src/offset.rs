@@ -1,5 +1,6 @@
 //! Entry points of offsets.
 
+use crate::direct::{direct, is_small};
 use crate::domain::rounded;
 use crate::params::{Coordinates, OffsetError, OffsetParams, OpenRule, Side};
 use crate::pieces::Coordinator;
@@ -100,6 +101,14 @@ fn offset_exact(
     params.check(&mesh.bounds())?;
     let task = Task::checked(mesh, params, false, progress)?;
     let field = task.field(progress)?;
+    if is_small(mesh, params) {
+        let mut field = task.field(progress)?;
+        field.has_large_facets = true;
+        let finish = task.finish(mesh, params, &field, storage)?;
+        if let Some(offset) = direct(mesh, params, &finish, progress)? {
+            return Ok(offset);
+        }
+    }
     let mut finish = task.finish(mesh, params, &field, storage)?;
     let coordinator =
         (cluster.map(|cluster| Coordinator::start(cluster, mesh, params, progress))).transpose()?;

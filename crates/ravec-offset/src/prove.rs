@@ -1,5 +1,6 @@
 //! Step 4, prove: facets keep the distance, and triangles do not intersect; the defects become edits of the tree.
 
+mod clip;
 mod crest;
 mod facet;
 mod inspector;

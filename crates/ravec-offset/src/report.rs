@@ -19,7 +19,7 @@ pub struct OffsetReport {
     pub triangles: u64,
     /// Triangles before simplification.
     pub extracted_triangles: u64,
-    /// Leaves of the octree.
+    /// Leaves of the octree; 0 if the surface was built from the moved triangles, without an octree.
     pub cells: u64,
     /// Finest level of the octree; the root is level 0.
     pub deepest_level: u8,

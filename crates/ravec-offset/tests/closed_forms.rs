@@ -115,6 +115,34 @@ fn outer_offsets_of_convex_solids_have_the_volume_of_steiners_formula() {
 }
 
 #[test]
+fn small_clearances_cost_as_much_as_the_mesh_has_detail() {
+    let (distance, tolerance) = (5e-4, 2e-5);
+    for solid in [cuboid(dvec3(2.0, 1.5, 1.0)), cylinder(0.8, 2.0, 24)] {
+        let convex = Convex::of(&solid.mesh);
+        for simplify in [false, true] {
+            let asked = params(Side::Outer, distance, tolerance, simplify);
+            let (found, checked) = sound_offset(solid.name, &solid.mesh, &asked);
+            assert_eq!((checked.components, checked.genus), (1, Some(0)));
+            assert_eq!(found.report.cells, 0, "{}", solid.name);
+            assert!(found.report.extracted_triangles < 4000, "{}", solid.name);
+            let volume = measure(&found.mesh).volume;
+            let [least, most] =
+                [distance - tolerance, distance + tolerance].map(|d| convex.grown(d));
+            assert!((least..=most).contains(&volume), "{}: {volume}", solid.name);
+        }
+    }
+    let block = cuboid(dvec3(2.0, 1.5, 1.0));
+    let asked = params(Side::Inner, distance, tolerance, true);
+    let (found, checked) = sound_offset(block.name, &block.mesh, &asked);
+    assert_eq!((checked.components, found.report.cells), (1, 0));
+    let expected: f64 = [2.0, 1.5, 1.0]
+        .map(|side| side - 2.0 * distance)
+        .iter()
+        .product();
+    assert!((measure(&found.mesh).volume - expected).abs() < 1e-9);
+}
+
+#[test]
 fn an_outer_offset_does_not_care_which_way_the_triangles_face() {
     let solid = cuboid(dvec3(2.0, 1.5, 1.0));
     let convex = Convex::of(&solid.mesh);

@@ -84,6 +84,8 @@ pub(crate) struct Field<'a> {
     bounds: Aabb,
     /// Signed distance of the surface: negative inside the solid.
     pub level: f64,
+    /// Facets may be far larger than the distance.
+    pub has_large_facets: bool,
 }
 
 impl<'a> Field<'a> {
@@ -104,6 +106,7 @@ impl<'a> Field<'a> {
             winding,
             bounds: bvh.bounds(),
             level,
+            has_large_facets: false,
         })
     }
 

@@ -4,6 +4,7 @@
 //! mesh than the minimum, over some triangles, of the maximum distance of the corners. Where this bound is too weak the facet
 //! is divided. The minimum distance is that between facet and triangles, computed exactly.
 
+use super::clip::is_covered;
 use super::tightened;
 use crate::domain::{Field, Near};
 use crate::surface::Room;
@@ -53,7 +54,7 @@ pub(crate) fn proved(
     let [least, most] = tightened(field, facet, near, limits);
     let triangles = near.map(|near| near.triangle);
     near.iter().all(|near| near.distance <= most)
-        && is_within(field, facet, most, triangles, MAX_CUTS)
+        && is_near_everywhere(field, facet, most, triangles)
         && !field.bvh().comes_within(facet, least)
 }
 
@@ -71,7 +72,14 @@ fn stays_near(field: &Field<'_>, facet: [DVec3; 3], most: f64, hints: [u32; 3]) 
     }
     let near = [0, 1, 2].map(|i| field.near(facet[i], hints[i]));
     near.iter().all(|near| near.distance <= most)
-        && is_within(field, facet, most, near.map(|near| near.triangle), MAX_CUTS)
+        && is_near_everywhere(field, facet, most, near.map(|near| near.triangle))
+}
+
+/// As [`is_within`], by clipping first if the field asks for that.
+fn is_near_everywhere(field: &Field<'_>, facet: [DVec3; 3], most: f64, near: [u32; 3]) -> bool {
+    any_near_enough(field, facet, most, near)
+        || field.has_large_facets && is_covered(field, facet, most, near[0])
+        || is_within(field, facet, most, near, MAX_CUTS)
 }
 
 /// Returns whether no point of a facet is farther than `most`; `near` are the triangles closest to its corners, which are near
