@@ -80,7 +80,7 @@ pub enum Warning {
     #[error("the file has several pages or versions of the picture; only the first one is used")]
     OnlyFirstPage,
     /// The file says how its colors are meant, and this is not applied.
-    #[error("the file states {what}, which is not applied; its colors are taken as those of sRGB")]
+    #[error("the colors are taken as those of sRGB, though the file states {what}")]
     ColorsTakenAsSrgb {
         /// The statement.
         what: String,
