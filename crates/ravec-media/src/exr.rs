@@ -14,6 +14,27 @@ pub(crate) struct Claims {
     pub(crate) height: u64,
     /// The most bytes of a block of lines or of a tile, before compression.
     pub(crate) block_bytes: u64,
+    /// Names of the channels of all parts, as far as they can be understood.
+    pub(crate) channels: Vec<String>,
+    /// True if some part has the channels R, G and B, or its channels cannot be understood.
+    pub(crate) has_colors: bool,
+    /// True if a part states primaries that are not those of sRGB.
+    pub(crate) other_primaries: bool,
+}
+
+/// Primaries and white of sRGB, and the difference that nobody sees.
+const SRGB_PRIMARIES: [f32; 8] = [0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329];
+const TOLERANCE: f32 = 0.002;
+
+/// The names in a list of channels: each ends with a zero, and 16 bytes follow it. `None` if the list is not understood.
+fn channel_names(mut list: &[u8]) -> Option<Vec<String>> {
+    let mut names = Vec::new();
+    while list.first().is_some_and(|&byte| byte != 0) {
+        let end = list.iter().position(|&byte| byte == 0)?;
+        names.push(String::from_utf8(list[..end].to_vec()).ok()?);
+        list = list.get(end + 17..)?;
+    }
+    Some(names)
 }
 
 /// No kind of compression takes more lines at once.
@@ -34,6 +55,9 @@ pub(crate) fn claims<R: BufRead + Seek>(input: &mut R) -> io::Result<Claims> {
         claims.width = claims.width.max(part.width);
         claims.height = claims.height.max(part.height);
         claims.block_bytes = claims.block_bytes.max(part.block_bytes);
+        claims.has_colors |= part.has_colors;
+        claims.other_primaries |= part.other_primaries;
+        claims.channels.extend(part.channels);
     }
     input.seek(SeekFrom::Start(0))?;
     Ok(claims)
@@ -56,7 +80,10 @@ fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
         is_empty = false;
         let start = input.stream_position()?;
         let mut value = Vec::new();
-        if matches!(name.as_slice(), b"dataWindow" | b"tiles" | b"channels") {
+        if matches!(
+            name.as_slice(),
+            b"dataWindow" | b"tiles" | b"channels" | b"chromaticities"
+        ) {
             input
                 .by_ref()
                 .take(size.min(MAX_CHANNELS))
@@ -79,7 +106,20 @@ fn header<R: BufRead + Seek>(input: &mut R) -> io::Result<Option<Claims>> {
             }
             b"tiles" => tile = u64::from(number(0) as u32) * u64::from(number(4) as u32),
             // a channel has a name of at least one byte and 17 bytes more, and at most four bytes a pixel
-            b"channels" => pixel_bytes = 4 * (size / 18).max(1),
+            b"channels" => {
+                pixel_bytes = 4 * (size / 18).max(1);
+                let names = channel_names(&value).unwrap_or_default();
+                let has = |name: &str| names.iter().any(|found| found == name);
+                part.has_colors = names.is_empty() || (has("R") && has("G") && has("B"));
+                part.channels = names;
+            }
+            b"chromaticities" => {
+                let stated = value.as_chunks::<4>().0.iter();
+                part.other_primaries = value.len() == 32
+                    && stated
+                        .zip(SRGB_PRIMARIES)
+                        .any(|(bytes, srgb)| (f32::from_le_bytes(*bytes) - srgb).abs() > TOLERANCE);
+            }
             _ => {}
         }
         input.seek(SeekFrom::Start(start + size))?;
@@ -141,6 +181,8 @@ mod tests {
             width,
             height: 9,
             block_bytes: width * 9 * 8,
+            has_colors: true,
+            ..Claims::default()
         };
         assert_eq!(found, expected);
     }
@@ -154,11 +196,41 @@ mod tests {
             width: 11,
             height: 7,
             block_bytes: 64 * ((128 << 16) + 64) * 4,
+            ..Claims::default()
         };
         assert_eq!(claims(&mut Cursor::new(&whole)).unwrap(), expected);
         // an attribute with a type of one zero, which the decoder reads
         whole.splice(8..8, *b"a\0\0\0\0\0\0\0");
         assert_eq!(claims(&mut Cursor::new(&whole)).unwrap(), expected);
+    }
+
+    #[test]
+    fn channels_and_primaries_are_those_of_the_header() {
+        let small = window([0, 0, 10, 6]);
+        let list = |names: &[&str]| -> Vec<u8> {
+            let entries = names
+                .iter()
+                .map(|name| [name.as_bytes(), &[0; 17]].concat());
+            entries.chain([vec![0]]).flatten().collect()
+        };
+        let of = |names: &[&str], primaries: [f32; 8]| {
+            let primaries: Vec<u8> = primaries.iter().flat_map(|v| v.to_le_bytes()).collect();
+            let channels = list(names);
+            let file = file(&[&[
+                (b"channels", &channels),
+                (b"chromaticities", &primaries),
+                (b"dataWindow", &small),
+            ]]);
+            claims(&mut Cursor::new(file)).unwrap()
+        };
+        let found = of(&["A", "B", "G", "R"], SRGB_PRIMARIES);
+        assert!(found.has_colors && !found.other_primaries);
+        let mut wide = SRGB_PRIMARIES;
+        wide[0] = 0.713;
+        let found = of(&["Z"], wide);
+        assert!(!found.has_colors && found.other_primaries);
+        assert_eq!(found.channels, ["Z"]);
+        assert!(!of(&["diffuse.B", "diffuse.G", "diffuse.R"], wide).has_colors);
     }
 
     #[test]

@@ -46,6 +46,7 @@ mod limits;
 mod opened;
 mod orient;
 mod picture;
+mod png;
 mod profile;
 mod quantization;
 mod raster;

@@ -107,6 +107,10 @@ impl<'a> Opened<'a> {
     ) -> Result<Self, DecodeError> {
         let mut tiff = Tiff::open(input, length, limits.memory.available())
             .map_err(|error| tiff_error(error, limits))?;
+        let mut warnings = Vec::new();
+        if tiff.has_more_pages() {
+            warnings.push(Warning::OnlyFirstPage);
+        }
         Ok(Self {
             format: Format::Tiff,
             width: tiff.width,
@@ -118,7 +122,7 @@ impl<'a> Opened<'a> {
             icc: tiff.icc.take(),
             exif: None,
             decoder: Decoder::Tiff(Box::new(tiff)),
-            warnings: Vec::new(),
+            warnings,
             block_bytes: 0,
             memory: limits.memory.reserve_nothing(),
             limits: limits.clone(),
@@ -152,11 +156,28 @@ impl<'a> Opened<'a> {
         limits.check_pixels(claims.width, claims.height)?;
         // a block before and after its decompression
         let block_bytes = claims.block_bytes.saturating_mul(2);
+        if !claims.has_colors && !claims.channels.is_empty() {
+            const MAX_NAMED: usize = 8;
+            let mut names = claims.channels;
+            let more = if names.len() > MAX_NAMED { ", …" } else { "" };
+            names.truncate(MAX_NAMED);
+            return Err(DecodeError::Unsupported {
+                format,
+                reason: format!(
+                    "it has the channels {}{more}, and a picture needs R, G and B",
+                    one_line(&names.join(", "))
+                ),
+            });
+        }
         let blocks = limits.memory.reserve(block_bytes);
         drop(blocks.map_err(|over| over_budget(over, 0))?);
         let mut opened = Self::open_general(format, input, limits, true)
             .map_err(|error| decode_error(format, error, limits))?;
         opened.block_bytes = block_bytes;
+        if claims.other_primaries {
+            let what = "primaries of its own".to_owned();
+            opened.warnings.push(Warning::ColorsTakenAsSrgb { what });
+        }
         Ok(opened)
     }
 
@@ -172,6 +193,9 @@ impl<'a> Opened<'a> {
         let mut warnings = Vec::new();
         let mut decoder: Box<dyn ImageDecoder + 'a> = match format {
             Format::Png => {
+                if let Some(what) = crate::png::other_colors(input)? {
+                    warnings.push(Warning::ColorsTakenAsSrgb { what });
+                }
                 let decoder = png::PngDecoder::with_limits(input, bounds.clone())?;
                 if decoder.is_apng()? {
                     warnings.push(Warning::OnlyFirstFrame);

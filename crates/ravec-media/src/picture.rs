@@ -76,6 +76,15 @@ pub enum Warning {
     /// The file has several frames.
     #[error("the file is an animation; only its first frame is used")]
     OnlyFirstFrame,
+    /// The file has several pages.
+    #[error("the file has several pages or versions of the picture; only the first one is used")]
+    OnlyFirstPage,
+    /// The file says how its colors are meant, and this is not applied.
+    #[error("the colors are taken as those of sRGB, though the file states {what}")]
+    ColorsTakenAsSrgb {
+        /// The statement.
+        what: String,
+    },
     /// The file ends before the picture does.
     #[error("the file ends early; the missing part of the picture is filled in")]
     Truncated,

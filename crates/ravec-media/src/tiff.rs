@@ -103,6 +103,11 @@ impl<'a> Tiff<'a> {
         })
     }
 
+    /// Returns `true` if other pages follow the first one.
+    pub(crate) fn has_more_pages(&self) -> bool {
+        self.decoder.more_images()
+    }
+
     /// Returns `true` if samples lie in the file as they do in memory.
     fn is_plain(&self) -> bool {
         self.planes == 1 && self.bits >= 8

@@ -72,8 +72,8 @@ impl NoiseLevel {
         }
     }
 
-    /// The typical noise of a sample, in steps of 8-bit encoded values: the median over the brightnesses of the root mean
-    /// square over red, green and blue. The opponent transform keeps that mean, so it is also right where the channels have
+    /// The typical noise of a sample, in steps of 8-bit encoded values: the root mean square over red, green and blue that a
+    /// third of the brightnesses stay below, because texture only adds. The opponent transform keeps that mean, so it is also right where the channels have
     /// the same noise, as in a gray picture.
     pub fn typical(&self) -> f32 {
         let mut all: [f32; CLASSES] = std::array::from_fn(|class| {
@@ -81,7 +81,7 @@ impl NoiseLevel {
             (squares.iter().sum::<f32>() / CHANNELS as f32).sqrt()
         });
         all.sort_by(f32::total_cmp);
-        255.0 * all[CLASSES / 2]
+        255.0 * all[CLASSES / 3]
     }
 
     /// Returns `true` if there is neither noise nor compression: cleaning leaves such a picture as it is.
