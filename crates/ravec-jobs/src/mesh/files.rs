@@ -115,7 +115,7 @@ fn read_recorded(
 
 /// Advice of operations whose coordinates stay in the unit of their input.
 pub(super) const CONVERT_FIRST: &str =
-    "mesh convert with its `unit` millimeter converts the input before";
+    "mesh convert to millimeters before avoids that";
 
 /// Records that the unit of `input`, other than the millimeter, is lost in a file of a format that names none.
 #[expect(
@@ -140,7 +140,7 @@ pub(super) fn record_unit_loss(
         && !context.is_intermediate(output)
     {
         report.record_dropped(format!(
-            "{} is in units of one {unit}: the numbers stay, but {} names no unit, and most programs take it for millimeters; {cure}",
+            "{} is in units of one {unit}: the numbers stay, but {} names no unit, and most programs take the numbers for millimeters; {cure}",
             input.display(),
             target.format
         ));
