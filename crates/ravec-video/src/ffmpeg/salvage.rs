@@ -97,6 +97,12 @@ impl Salvage {
         self.decoded - self.kept() + self.failed
     }
 
+    /// The same, if frames that are given follow lost ones.
+    pub(super) fn lost_between(&self) -> Option<u64> {
+        let ends = self.first_lost().is_some_and(|first| first >= self.kept());
+        (!ends).then(|| self.lost())
+    }
+
     /// Frames before the first one that is lost.
     pub(super) fn first_lost(&self) -> Option<u64> {
         self.left_out.first().map(|lost| lost.start)

@@ -149,7 +149,7 @@ impl FfmpegSource {
             self.damage = Some(Damage {
                 frames: salvage.first_lost().unwrap_or(0),
                 reason,
-                lost: Some(salvage.lost()),
+                lost: salvage.lost_between(),
             });
             self.length = Some(salvage.kept());
             self.listed = true;
@@ -359,7 +359,7 @@ impl FfmpegSource {
         self.damage = Some(Damage {
             frames: salvage.first_lost().unwrap_or(damage.frames),
             reason: damage.reason,
-            lost: Some(salvage.lost()),
+            lost: salvage.lost_between(),
         });
         self.length = Some(salvage.kept());
         self.stamps = None;
