@@ -82,14 +82,14 @@ pub(super) fn is_undecided(head: &[u8]) -> bool {
         let line = line.trim_ascii_start();
         line.is_empty() || line.starts_with(b"#")
     };
-    let end = head.iter().rposition(ends_line);
+    let end = head.iter().rposition(|&byte| ends_line(byte));
     let (whole, last) = head.split_at(end.map_or(0, |end| end + 1));
     let may_go_on = is_comment(last) || last.trim_ascii_start().len() <= LINE;
-    is_text(head) && may_go_on && whole.split(ends_line).all(is_comment)
+    is_text(head) && may_go_on && whole.split(|&byte| ends_line(byte)).all(is_comment)
 }
 
 /// Lines end in line feeds, in carriage returns, or in both: then there is an empty one between.
-fn ends_line(byte: &u8) -> bool {
+fn ends_line(byte: u8) -> bool {
     matches!(byte, b'\n' | b'\r')
 }
 
@@ -100,7 +100,7 @@ fn sniff_text(head: &[u8]) -> Option<MeshFormat> {
         let is_json = inside.is_empty() || inside.starts_with(b"\"") || inside.starts_with(b"}");
         return is_json.then_some(MeshFormat::Gltf);
     }
-    for line in head.split(ends_line) {
+    for line in head.split(|&byte| ends_line(byte)) {
         let line = line.split(|&byte| byte == b'#').next().unwrap_or(line);
         let mut words = words(line);
         let Some(first) = words.next() else {

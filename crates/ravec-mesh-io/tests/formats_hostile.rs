@@ -288,7 +288,7 @@ fn counts_that_a_header_claims_take_no_memory() {
              property double z\nelement face 199999999\nproperty list uint int vertex_indices\nend_header\n0 0 0\n"
         )
     };
-    let mut stl = vec![0; 84 + 49];
+    let mut stl = vec![0; 84 + 70];
     stl[80..84].copy_from_slice(&199_999_999_u32.to_le_bytes());
     for file in [
         ply("ascii").into_bytes(),

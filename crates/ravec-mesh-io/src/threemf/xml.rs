@@ -402,7 +402,7 @@ impl Builder<'_> {
             }
         })?;
         match prefixes.iter().find(|(_, known, _)| !known) {
-            Some((prefix, _, name)) => Err(unread(required_by_name(prefix, name))),
+            Some((prefix, _, name)) => Err(unread(&required_by_name(prefix, name))),
             None => Ok(()),
         }
     }
@@ -523,7 +523,7 @@ fn required_by_name(prefix: &str, name: &str) -> String {
     }
 }
 
-fn unread(extension: String) -> ReadMeshError {
+fn unread(extension: &str) -> ReadMeshError {
     ReadMeshError::Unsupported {
         format: MeshFormat::ThreeMf,
         what: format!(
