@@ -117,13 +117,16 @@ impl Warning {
     /// What the warning is about.
     pub fn kind(&self) -> WarningKind {
         match self {
-            Self::ProfileIgnored { .. } | Self::CmykWithoutProfile => WarningKind::Assumed,
+            Self::ProfileIgnored { .. }
+            | Self::CmykWithoutProfile
+            | Self::ColorsTakenAsSrgb { .. } => WarningKind::Assumed,
             Self::NotFinite { .. } | Self::GlowLost { .. } | Self::Truncated => {
                 WarningKind::Changed
             }
-            Self::OnlyFirstFrame | Self::AlphaFlattened { .. } | Self::ExifDropped { .. } => {
-                WarningKind::Dropped
-            }
+            Self::OnlyFirstFrame
+            | Self::OnlyFirstPage
+            | Self::AlphaFlattened { .. }
+            | Self::ExifDropped { .. } => WarningKind::Dropped,
         }
     }
 }

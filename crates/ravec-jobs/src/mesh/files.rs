@@ -114,8 +114,7 @@ fn read_recorded(
 }
 
 /// Advice of operations whose coordinates stay in the unit of their input.
-pub(super) const CONVERT_FIRST: &str =
-    "mesh convert to millimeters before avoids that";
+pub(super) const CONVERT_FIRST: &str = "mesh convert to millimeters before avoids that";
 
 /// Records that the unit of `input`, other than the millimeter, is lost in a file of a format that names none.
 #[expect(
