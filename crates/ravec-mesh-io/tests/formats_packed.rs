@@ -641,7 +641,7 @@ fn volumes_by_ranges_of_triangles_are_parts_negative_or_left_out() {
                 "left out 1 modifier (dense)",
                 "left out 1 support blocker (block)",
                 "left out 1 unknown volume (later)",
-                "kept 1 negative volume (hole & co) apart from the mesh, to be subtracted from it",
+                "kept 1 negative volume (hole & co) apart from the mesh, for subtraction",
             ]
         );
     }
@@ -695,7 +695,7 @@ fn volumes_by_components_are_parts_negative_or_left_out() {
             "left out 1 modifier",
             "left out 1 support object",
             "left out 1 unprintable item (plate)",
-            "kept 1 negative volume (slot) apart from the mesh, to be subtracted from it",
+            "kept 1 negative volume (slot) apart from the mesh, for subtraction",
         ]
     );
 }

@@ -21,6 +21,7 @@
 mod assembly;
 mod corner;
 mod fans;
+mod unfold;
 
 use crate::domain::Field;
 use crate::finish::{Finish, check_written};

@@ -199,7 +199,7 @@ fn what_is_not_as_promised_is_written_with_a_warning_and_a_code_of_its_own() {
     let output = ravec(folder.path(), &line.split(' ').collect::<Vec<_>>());
     assert_eq!(code(&output), 5, "{}", stderr(&output));
     let said = stderr(&output);
-    assert!(said.contains("--inside outer-hull"), "{said}");
+    assert!(said.contains("--inside to nonzero or outer-hull"), "{said}");
     assert!(stdout(&output).starts_with("not passed: "));
     assert!(folder.path().join("out.obj").is_file());
     let json = std::fs::read_to_string(folder.path().join("r.json")).unwrap();

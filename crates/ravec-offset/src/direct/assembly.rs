@@ -3,6 +3,7 @@
 use super::Shape;
 use super::corner::{MovedCorner, Vertex};
 use super::fans::{Fans, Turn};
+use super::unfold::unfold;
 use crate::domain::Field;
 use crate::params::Coordinates;
 use glam::DVec3;
@@ -122,9 +123,11 @@ pub(super) fn moved(
             faces[t as usize][at] = corners.point(v, edge);
         }
     }
+    let first_face = moved.triangles.len();
     for (t, face) in (0u32..).zip(faces) {
         moved.push(t, face);
     }
+    unfold(&mut moved, first_face, &fans.normals);
     Ok(Some(moved))
 }
 
