@@ -583,11 +583,13 @@ fn tetrahedra(sizes: &[u32]) -> String {
     let (mut vertices, mut triangles) = (String::new(), String::new());
     for (i, size) in sizes.iter().enumerate() {
         for [x, y, z] in [[0, 0, 0], [*size, 0, 0], [0, *size, 0], [0, 0, *size]] {
-            vertices += &format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
+            let vertex = format!("<vertex x=\"{x}\" y=\"{y}\" z=\"{z}\"/>");
+            vertices.push_str(&vertex);
         }
         for corners in [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]] {
             let [a, b, c] = corners.map(|corner| 4 * i + corner);
-            triangles += &format!("<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>");
+            let triangle = format!("<triangle v1=\"{a}\" v2=\"{b}\" v3=\"{c}\"/>");
+            triangles.push_str(&triangle);
         }
     }
     format!("<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>")

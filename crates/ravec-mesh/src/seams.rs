@@ -30,6 +30,9 @@ pub struct JoinedSeams {
 /// Triangles or vertices between two checks for cancellation: about a millisecond.
 const AT_ONCE: usize = 1 << 14;
 
+/// Stands for "no vertex".
+const NONE: u32 = u32::MAX;
+
 /// Joins the vertices of `mesh` that are at the ends of boundary edges and at exactly equal places; `None` if that leaves
 /// no fewer boundary edges.
 ///
@@ -49,6 +52,7 @@ const AT_ONCE: usize = 1 << 14;
 /// assert_eq!((joined.vertex_of, joined.boundary_edges), (vec![0, 1, 2, 4], 4));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
+#[expect(clippy::missing_panics_doc, reason = "the parts of a mesh make a mesh")]
 pub fn join_seams(mesh: &TriMesh, progress: &Progress) -> Result<Option<JoinedSeams>, Cancelled> {
     let Some(place_of) = shared_places(mesh, progress)? else {
         return Ok(None);
@@ -59,7 +63,6 @@ pub fn join_seams(mesh: &TriMesh, progress: &Progress) -> Result<Option<JoinedSe
     for v in ends.into_iter().flatten() {
         on_boundary[v as usize] = true;
     }
-    const NONE: u32 = u32::MAX;
     let mut first_at = vec![NONE; mesh.positions().len()];
     let mut new_from_old = Vec::with_capacity(mesh.positions().len());
     let mut vertex_of = Vec::new();

@@ -137,13 +137,13 @@ fn relief(n: usize, height: impl Fn(usize, usize) -> f64) -> String {
 fn an_open_tube_gets_lids() {
     let folder = folder();
     let rim = |z: i32| format!("0 0 {z}\n4 0 {z}\n4 4 {z}\n0 4 {z}\n");
-    let walls: String = (0..4)
+    let walls: Vec<String> = (0..4)
         .map(|i| {
             let next = (i + 1) % 4;
             format!("3 {i} {next} {}\n3 {i} {} {}\n", next + 4, next + 4, i + 4)
         })
         .collect();
-    let tube = format!("OFF\n8 8 0\n{}{}{walls}", rim(0), rim(1));
+    let tube = format!("OFF\n8 8 0\n{}{}{}", rim(0), rim(1), walls.concat());
     std::fs::write(folder.path().join("tube.off"), tube).unwrap();
     for rule in ["auto", "lid", "band"] {
         let closed = report(

@@ -7,8 +7,8 @@ use ravec::mesh_io::MeshFormat;
 use ravec::progress::{Cancelled, Progress};
 
 /// Precision of the coordinates of a file.
-pub(super) fn coordinates_of(target: &MeshTarget) -> Coordinates {
-    if rounds(target) {
+pub(super) fn coordinates_of(target: MeshTarget) -> Coordinates {
+    if rounds(&target) {
         Coordinates::Single
     } else {
         Coordinates::Double
@@ -16,7 +16,7 @@ pub(super) fn coordinates_of(target: &MeshTarget) -> Coordinates {
 }
 
 /// True if the format has no vertices of its own, so that readers join those at equal places.
-pub(super) fn joins_places(target: &MeshTarget) -> bool {
+pub(super) fn joins_places(target: MeshTarget) -> bool {
     matches!(target.format, MeshFormat::StlBinary | MeshFormat::StlAscii)
 }
 
@@ -24,10 +24,10 @@ pub(super) fn joins_places(target: &MeshTarget) -> bool {
 /// numbers, which is refused when the file is written.
 pub(super) fn as_read(
     mesh: &TriMesh,
-    target: &MeshTarget,
+    target: MeshTarget,
     progress: &Progress,
 ) -> Result<Option<TriMesh>, Cancelled> {
-    let scale = unit_scale(*target);
+    let scale = unit_scale(target);
     let coordinates = coordinates_of(target);
     let positions = mesh.positions().iter();
     let positions = positions.map(|&p| coordinates.nearest(p * scale)).collect();

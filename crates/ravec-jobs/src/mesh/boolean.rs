@@ -259,8 +259,8 @@ impl Operation for Boolean {
         } = read;
         let asked = library::BooleanParams {
             inside: params.inside,
-            coordinates: coordinates_of(&target),
-            separate: joins_places(&target),
+            coordinates: coordinates_of(target),
+            separate: joins_places(target),
             close: params.close,
             open: params.open,
             memory_bytes: params.memory.map(|size| size.as_u64()),

@@ -253,8 +253,8 @@ impl Operation for Convert {
             record_unit_loss(input, output, &target, cure, &mut report, context);
         }
         // a file that holds the mesh as it is needs no verdict
-        if as_read(&mesh, &target, progress)?.is_some_and(|read| read != mesh) {
-            judge_written(&mesh, &mesh, &target, &mut report, progress)?;
+        if as_read(&mesh, target, progress)?.is_some_and(|read| read != mesh) {
+            judge_written(&mesh, &mesh, target, &mut report, progress)?;
         }
         let attributes = Attributes {
             colors: &colors,

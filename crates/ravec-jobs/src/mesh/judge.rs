@@ -15,7 +15,7 @@ use ravec::progress::Progress;
 pub(super) fn judge_written(
     source: &TriMesh,
     written: &TriMesh,
-    target: &MeshTarget,
+    target: MeshTarget,
     report: &mut Report,
     progress: &Progress,
 ) -> Result<(), JobError> {

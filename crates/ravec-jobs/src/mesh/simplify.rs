@@ -222,7 +222,7 @@ impl Operation for Simplify {
             }
         }
         record_unit_loss(input, output, &target, CONVERT_FIRST, &mut report, context);
-        judge_written(&mesh, &simple.mesh, &target, &mut report, progress)?;
+        judge_written(&mesh, &simple.mesh, target, &mut report, progress)?;
         super::write(output, &simple.mesh, &target, &mut report, context)?;
         Ok(report)
     }

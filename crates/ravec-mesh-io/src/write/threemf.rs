@@ -205,7 +205,9 @@ fn write_object(
     if !name.is_empty() {
         // the format has no control characters
         let name: String = name.chars().filter(|c| !c.is_control()).collect();
-        tag += &format!(" name=\"{}\"", quick_xml::escape::escape(name.as_str()));
+        tag.push_str(" name=\"");
+        tag.push_str(&quick_xml::escape::escape(name.as_str()));
+        tag.push('"');
     }
     tag += "><mesh>\n<vertices>\n";
     sink.bytes(tag.as_bytes());
