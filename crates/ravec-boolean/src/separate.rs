@@ -1,6 +1,6 @@
 //! Vertices at one place, moved apart: for formats whose readers join what is at one place.
 //!
-//! Where solids touch in an edge or a vertex, the finished mesh has a vertex for each of them at the same place. STL cannot
+//! The finished mesh has a vertex for each solid at the same place, if solids touch in an edge or a vertex. STL cannot
 //! say so: read again, the edge has four triangles. Each such vertex is moved against the normals around it, into its solid,
 //! so that the solids draw back from each other; if triangles meet then, with the normals, out of its solid, as where a cavity
 //! touches the outer surface; and then farther. Each attempt is judged by exact tests of the moved triangles.

@@ -114,7 +114,7 @@ pub enum WarningKind {
 }
 
 impl Warning {
-    /// What the warning is about.
+    /// Kind of the warning.
     pub fn kind(&self) -> WarningKind {
         match self {
             Self::ProfileIgnored { .. }

@@ -1,4 +1,4 @@
-//! What a PNG file says about its colors without a profile, which is not applied.
+//! Colors that a PNG file states without a profile, which are not applied.
 //!
 //! Source: Portable Network Graphics Specification (Third Edition), sections 11.3.2.1 (`cHRM`), 11.3.2.2 (`gAMA`).
 
@@ -17,7 +17,7 @@ const PRIMARIES_TOLERANCE: u32 = 200;
 /// The most chunks before the pixels that are looked at.
 const MAX_CHUNKS: usize = 1000;
 
-/// What the file says about its colors, if that is something else than sRGB and no profile takes its place. Goes back to the
+/// Statement of the file about its colors, if that is something else than sRGB and no profile takes its place. Goes back to the
 /// start.
 pub(crate) fn other_colors<R: Read + Seek + ?Sized>(input: &mut R) -> io::Result<Option<String>> {
     let mut found = None;

@@ -123,7 +123,7 @@ fn enclosed(rule: &Rule, pieces: &Pieces, asked: impl Fn(u32) -> bool) -> Vec<Dr
     parts
 }
 
-/// What to do about a sheet that has to be a solid.
+/// Remedy for a sheet that has to be a solid.
 const SHEET_REMEDY: &str = "it is an open sheet; set `close` to base to put a relief on a flat base, to lid if that surface is meant, or thicken the \
      sheet by an offset first";
 

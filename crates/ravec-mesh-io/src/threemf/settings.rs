@@ -27,7 +27,7 @@ pub(super) const PATHS: [&str; 4] = [
 /// Number of triangles or components that are looked at between two checks for cancellation.
 const AT_ONCE: usize = 1 << 16;
 
-/// What a volume is for.
+/// Purpose of a volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     /// Printed.
