@@ -121,13 +121,13 @@ pub(crate) fn direct(
 }
 
 /// Share of the angle of a cell beyond which an edge counts as an edge.
-const LEAST_TURN: f64 = 0.1;
+const MIN_TURN: f64 = 0.1;
 
 /// Returns whether an octree would have many cells that follow the lengths of edges.
 fn is_worth_it(fans: &Fans, mesh: &TriMesh, params: &OffsetParams) -> bool {
     let cell = (8.0 * params.distance * params.tolerance.min(COARSE * params.distance)).sqrt();
     let cells: f64 = (fans.edges.iter())
-        .filter(|edge| edge.angle.abs() > LEAST_TURN * cell / params.distance)
+        .filter(|edge| edge.angle.abs() > MIN_TURN * cell / params.distance)
         .map(|edge| edge.length / cell)
         .sum();
     cells > MANY_CELLS.max(CELLS_PER_TRIANGLE * mesh.triangles().len() as f64)

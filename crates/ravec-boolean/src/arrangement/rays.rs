@@ -167,8 +167,8 @@ impl Rays<'_> {
         candidates
     }
 
-    /// What lies between the pieces that a ray goes through, from the first on and with the sides that it comes out of, is one
-    /// cell each; beyond the last is the outside.
+    /// Joins the cells between successive pieces that a ray goes through, given with the sides that it comes out of; beyond the
+    /// last is the outside.
     fn join(&mut self, hits: impl Iterator<Item = (u32, Side)>) {
         let mut above = None;
         for (piece, up) in hits {

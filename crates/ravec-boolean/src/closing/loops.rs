@@ -7,7 +7,7 @@
 //! A band that repeats the wall between its loops, as the one between the rims of a short tube does, closes nothing (`walls`);
 //! such loops get a lid each.
 //!
-//! Where a band is one, that is the choice of the winding number, too: the surface where the wall of an open tube winds a half goes over from
+//! The winding number chooses bands in the same places: the surface where the wall of an open tube winds a half goes over from
 //! two lids to a band where the tube is 1.15 radii long, least area where it is 1.06 radii long.
 //!
 //! Cost: O(n log n) for n edges where loops touch in few places; each join as a patch of as many corners, of which there are at

@@ -56,7 +56,7 @@ impl Role {
 enum Which {
     /// Its own triangles, from the first to the last.
     Triangles(u32, u32),
-    /// What its components of this number bring.
+    /// The component with this number.
     Component(u32),
 }
 

@@ -30,7 +30,7 @@ pub(super) struct Use {
     pub(super) part: u32,
     pub(super) object: u32,
     pub(super) parent_from_object: DAffine3,
-    /// What the settings of a slicer say about it, whatever the type of the object.
+    /// Purpose that the settings of a slicer give it, whatever the type of the object.
     pub(super) role: Option<Role>,
 }
 

@@ -45,11 +45,11 @@ const MAX_WHITE_RATIO: f32 = 2.0;
 const FAINT: f32 = 0.33 / 255.0;
 
 /// A class without white blocks is taken for structure if it is this many times as strong as all that have them, and
-/// stronger than [`LEAST_STRUCTURE`].
+/// stronger than [`MIN_STRUCTURE`].
 const STRUCTURE_EXCESS: f32 = 6.0;
 
 /// One and a half 8-bit steps, as luma.
-const LEAST_STRUCTURE: f32 = 1.5 / 255.0;
+const MIN_STRUCTURE: f32 = 1.5 / 255.0;
 
 /// The brightness range of the luma channel, `(R + G + B)/√3`.
 pub(super) const LUMA_RANGE: f32 = 1.732_050_8;
@@ -338,7 +338,7 @@ fn structure(classes: &[Flat]) -> Vec<bool> {
     let Some(strongest) = white.map(|class| class.noise).reduce(f32::max) else {
         return vec![false; classes.len()];
     };
-    let bound = (STRUCTURE_EXCESS * strongest).max(LEAST_STRUCTURE);
+    let bound = (STRUCTURE_EXCESS * strongest).max(MIN_STRUCTURE);
     classes
         .iter()
         .map(|class| !class.is_white() && class.noise > bound)
